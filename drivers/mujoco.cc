@@ -9,10 +9,12 @@
 #include <cstdlib>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/hardware/admittance.h"
 #include "common/hardware/registry.h"
 #include "common/hardware/virtual_robot.h"
 #include "common/mesh/triangle_mesh.h"
@@ -26,26 +28,34 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 constexpr Seconds kWatchdog{0.1};
 constexpr double kLeastStep = 1e-5, kLongestStep = 0.02;  // of a world [s]
-constexpr double kMostBehind = 5e-3;  // that is made good in one tick [s]; a world slower than the clock runs slow
+// That is made good in one tick beyond its own length and a step [s]; a world slower than the clock runs slow.
+constexpr double kMostBehind = 5e-3;
+// From a set point of position servos, or of a weld, to the tool, as the body in its place counts it.
+constexpr Servo kModelServo{.period = Seconds{1e-3}, .delay = Seconds{}, .lag = Seconds{0.02}};
 
 [[noreturn]] void refuse(const std::string& arguments, const std::string& words) {
   throw ConfigError{"--robot mujoco:" + arguments + ": " + words};
 }
 
-/// FILE.xml[,site=NAME][,key=NAME], the two in any order
+/// FILE.xml[,site=NAME][,key=NAME][,actuators=off], the options in any order
 struct Arguments {
-  std::string file, site, key;
+  std::string file, site, key, actuators;
 };
 Arguments parse(const std::string& text) {
-  Arguments a{text, {}, {}};
+  Arguments a{text, {}, {}, {}};
   for (std::size_t comma; (comma = a.file.rfind(',')) != a.file.npos; a.file.resize(comma)) {
     const std::string option = a.file.substr(comma + 1);
     const std::size_t name = option.find('=') + 1;
-    std::string* const value = option.starts_with("site=") ? &a.site : option.starts_with("key=") ? &a.key : nullptr;
+    std::string* const value = option.starts_with("site=")        ? &a.site
+                               : option.starts_with("key=")       ? &a.key
+                               : option.starts_with("actuators=") ? &a.actuators
+                                                                  : nullptr;
     if (value == nullptr || !value->empty() || name == option.size())
-      refuse(text, "after the file stand ,site=NAME and ,key=NAME, each once and with a name");
+      refuse(text, "after the file stand ,site=NAME, ,key=NAME and ,actuators=off, each once and with a name");
     *value = option.substr(name);
   }
+  if (!a.actuators.empty() && a.actuators != "off")
+    refuse(text, "actuators is " + a.actuators + "; it must be off, or absent: position servos are then driven");
   if (a.file.empty())
     refuse(text, "name a model and, where it has several sites, the tool's: mujoco:FILE.xml,site=NAME");
   return a;
@@ -83,6 +93,46 @@ class World {
   }
 
   void push(const Vector6& wrench) noexcept { wrench_ = wrench; }
+  /// Do set points move the tool, not forces?
+  [[nodiscard]] bool obeys_positions() const noexcept { return !servos_.empty() || mocap_ >= 0; }
+  /// In how many of the first `rows` directions do they?
+  [[nodiscard]] Eigen::Index rank_of_servos(Eigen::Index rows) {
+    if (mocap_ >= 0) return rows;
+    look_at_servos();
+    return Eigen::ColPivHouseholderQR<Eigen::MatrixXd>{driven_.topRows(rows)}.rank();
+  }
+  /// Moves the set point of the servos, or the mocap body, towards that tool pose; `axes`: rows that count, 3 or 6.
+  template <int axes>
+  void want(const Eigen::Isometry3d& pose) noexcept {
+    if (mocap_ >= 0) {
+      const Eigen::Isometry3d at = pose * weld_;
+      const Eigen::Quaterniond q{at.linear()};
+      Eigen::Map<Vector3d>{data_->mocap_pos + 3 * mocap_} = at.translation();
+      Eigen::Map<Eigen::Vector4d>{data_->mocap_quat + 4 * mocap_} = Eigen::Vector4d{q.w(), q.x(), q.y(), q.z()};
+      return;
+    }
+    std::copy_n(data_->qpos, model_->nq, wanted_->qpos);
+    for (int k = 0; k < 3; ++k) {
+      for (const ServoJoint& s : servos_) wanted_->qpos[s.q] = s.q_wanted;
+      look_at_servos();
+      Vector6 left;
+      left << pose.translation() - point_of(wanted_.get()),
+          rotation_vector(Eigen::Quaterniond{pose.linear()} * attitude_of(wanted_.get()).conjugate());
+      // Damped least squares: a singular pose stretches no joint.
+      const auto J = driven_.topRows<axes>();
+      Eigen::Matrix<double, axes, axes> square = J * J.transpose();
+      square.diagonal().array() += 1e-6;
+      const Eigen::Matrix<double, axes, 1> y = square.ldlt().solve(left.head<axes>());
+      for (std::size_t i = 0; i < servos_.size(); ++i) {
+        double& q = servos_[i].q_wanted;
+        q += J.col(static_cast<Eigen::Index>(i)).dot(y);
+        const int joint = model_->dof_jntid[servos_[i].dof];
+        if (model_->jnt_limited[joint] != 0)
+          q = std::clamp(q, model_->jnt_range[2 * joint], model_->jnt_range[2 * joint + 1]);
+      }
+    }
+    command_servos();
+  }
   /// Adds to the joints' velocities the least that gives the tool `dv` more; `J`: rows of jacobian().
   void kick(const Eigen::MatrixXd& J, const Eigen::VectorXd& dv) {
     Eigen::Map<Eigen::VectorXd>{data_->qvel, model_->nv} += J.completeOrthogonalDecomposition().solve(dv);
@@ -93,9 +143,10 @@ class World {
     mj_saveModel(model_.get(), nullptr, all.data(), static_cast<int>(all.size()));
     return all;
   }
-  void advance(Seconds time) noexcept {
+  /// `time` has passed, since the last tick, of which each has the length `dt`.
+  void advance(Seconds time, Seconds dt) noexcept {
     const double h = model_->opt.timestep;
-    behind_ = std::min(behind_ + time.si(), kMostBehind);
+    behind_ = std::min(behind_ + time.si(), dt.si() + h + kMostBehind);
     Vector6 sum = Vector6::Zero();
     int steps = 0;
     for (; behind_ >= 0.5 * h; behind_ -= h, ++steps) {
@@ -113,14 +164,8 @@ class World {
     mj_comVel(model_.get(), data_.get());
   }
 
-  [[nodiscard]] Vector3d point() const noexcept {
-    return Eigen::Map<const Vector3d>{site_ >= 0 ? data_->site_xpos + 3 * site_ : data_->xpos + 3 * body_};
-  }
-  [[nodiscard]] Eigen::Quaterniond attitude() const noexcept {
-    using Rows = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-    return Eigen::Quaterniond{
-        Matrix3d{Eigen::Map<const Rows>{site_ >= 0 ? data_->site_xmat + 9 * site_ : data_->xmat + 9 * body_}}};
-  }
+  [[nodiscard]] Vector3d point() const noexcept { return point_of(data_.get()); }
+  [[nodiscard]] Eigen::Quaterniond attitude() const noexcept { return attitude_of(data_.get()); }
   [[nodiscard]] Vector6 velocity() const noexcept {
     Vector6 angular_first;
     mj_objectVelocity(model_.get(), data_.get(), site_ >= 0 ? mjOBJ_SITE : mjOBJ_XBODY, site_ >= 0 ? site_ : body_,
@@ -163,7 +208,26 @@ class World {
   }
 
  private:
-  World(const std::string& arguments, const Arguments& a) : model_{load(arguments, a.file)}, data_{*model_} {
+  [[nodiscard]] Vector3d point_of(const mjData* d) const noexcept {
+    return Eigen::Map<const Vector3d>{site_ >= 0 ? d->site_xpos + 3 * site_ : d->xpos + 3 * body_};
+  }
+  [[nodiscard]] Eigen::Quaterniond attitude_of(const mjData* d) const noexcept {
+    using Axes = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+    return Eigen::Quaterniond{
+        Matrix3d{Eigen::Map<const Axes>{site_ >= 0 ? d->site_xmat + 9 * site_ : d->xmat + 9 * body_}}};
+  }
+  /// Pose and Jacobian of the tool where the set point has its joints; the other joints are where they are.
+  void look_at_servos() noexcept {
+    mjData* const d = wanted_.get();
+    mj_kinematics(model_.get(), d);
+    mj_comPos(model_.get(), d);
+    const Vector3d at = point_of(d);
+    mj_jac(model_.get(), d, linear_.data(), angular_.data(), at.data(), body_);
+    for (std::size_t i = 0; i < servos_.size(); ++i)
+      driven_.col(static_cast<Eigen::Index>(i)) << linear_.col(servos_[i].dof), angular_.col(servos_[i].dof);
+  }
+  World(const std::string& arguments, const Arguments& a)
+      : model_{load(arguments, a)}, data_{*model_}, wanted_{*model_} {
     choose_tool(arguments, a.site);
     if (!a.key.empty()) {
       const int key = mj_name2id(model_.get(), mjOBJ_KEY, a.key.c_str());
@@ -179,9 +243,94 @@ class World {
       while (at != 0 && model_->body_weldid[at] != weld) at = model_->body_parentid[at];
       of_tool_.push_back(at != 0);
     }
+    find_servos(arguments);
+    find_weld(arguments);
   }
 
-  static std::shared_ptr<const mjModel> load(const std::string& arguments, const std::string& file) {
+  [[nodiscard]] std::string name_of(mjtObj kind, int id) const {
+    const char* const name = mj_id2name(model_.get(), kind, id);
+    return name != nullptr ? "\"" + std::string{name} + "\"" : "number " + std::to_string(id);
+  }
+  /// Is it the tool's or between it and the world?
+  [[nodiscard]] bool carries_tool(int body) const noexcept {
+    int at = body_;
+    while (at != 0 && at != body) at = model_->body_parentid[at];
+    return body != 0 && (at == body || of_tool_[static_cast<std::size_t>(body)]);
+  }
+
+  /// The actuators of the joints that move the tool. Torque motors hold nothing; position servos are driven by set points; others
+  /// would hold the tool, and are refused.
+  void find_servos(const std::string& arguments) {
+    bool held = false;
+    std::string why;
+    for (int a = 0; a < model_->nu; ++a) {
+      const double* const moment = data_->actuator_moment + static_cast<std::ptrdiff_t>(a) * model_->nv;
+      int dof = -1;
+      for (int i = 0; i < model_->nv; ++i) {
+        int at = body_;
+        while (at != 0 && at != model_->dof_bodyid[i]) at = model_->body_parentid[at];
+        if (at != 0 && moment[i] != 0.0) dof = i;
+      }
+      if (dof < 0 || model_->actuator_biastype[a] == mjBIAS_NONE) continue;
+      const double* const bias = model_->actuator_biasprm + static_cast<std::ptrdiff_t>(a) * mjNBIAS;
+      const double gain = model_->actuator_gainprm[static_cast<std::ptrdiff_t>(a) * mjNGAIN];
+      const bool of_joint =
+          model_->actuator_trntype[a] == mjTRN_JOINT || model_->actuator_trntype[a] == mjTRN_JOINTINPARENT;
+      const int joint = model_->dof_jntid[dof];
+      const bool one = model_->jnt_type[joint] == mjJNT_HINGE || model_->jnt_type[joint] == mjJNT_SLIDE;
+      const bool servo = of_joint && one && model_->actuator_dyntype[a] == mjDYN_NONE &&
+                         model_->actuator_gaintype[a] == mjGAIN_FIXED &&
+                         model_->actuator_biastype[a] == mjBIAS_AFFINE && bias[1] < 0.0 && gain > 0.0;
+      if (servo)
+        servos_.push_back({.actuator = a,
+                           .q = model_->jnt_qposadr[joint],
+                           .dof = dof,
+                           .scale = -bias[1] * model_->actuator_gear[static_cast<std::ptrdiff_t>(a) * 6] / gain,
+                           .offset = -bias[0] / gain,
+                           .q_wanted = data_->qpos[model_->jnt_qposadr[joint]]});
+      if (!servo && !held)
+        why = "the actuator " + name_of(mjOBJ_ACTUATOR, a) + " holds the joint " + name_of(mjOBJ_JOINT, joint) +
+              ", which moves the tool, and is no position servo of it; ,actuators=off lets it go";
+      held = held || !servo;
+    }
+    if (held) refuse(arguments, why);
+    std::copy_n(data_->qpos, model_->nq, wanted_->qpos);
+    linear_.resize(3, model_->nv);
+    angular_.resize(3, model_->nv);
+    driven_.setZero(6, static_cast<Eigen::Index>(servos_.size()));
+    command_servos();
+  }
+  /// A weld of what carries the tool to a mocap body is moved; other constraints of it are named.
+  void find_weld(const std::string& arguments) {
+    for (int e = 0; e < model_->neq; ++e) {
+      if (model_->eq_active[e] == 0 || (model_->eq_type[e] != mjEQ_WELD && model_->eq_type[e] != mjEQ_CONNECT))
+        continue;
+      const int one = model_->eq_obj1id[e], two = model_->eq_obj2id[e];
+      if (!carries_tool(one) && !carries_tool(two)) continue;
+      const int other = carries_tool(one) ? two : one, mocap = model_->body_mocapid[other];
+      const bool of_tool = of_tool_[static_cast<std::size_t>(other == two ? one : two)];
+      if (mocap >= 0 && model_->eq_type[e] == mjEQ_WELD && of_tool) {
+        mocap_ = mocap;
+        weld_ = tool().inverse() * pose_of(data_->mocap_pos + 3 * mocap, data_->mocap_quat + 4 * mocap);
+      } else if (model_->body_weldid[other] == 0) {
+        refuse(arguments,
+               "the equality constraint " + name_of(mjOBJ_EQUALITY, e) +
+                   " holds a body that carries the tool; a weld of the tool's body to a mocap body is moved, and "
+                   "active=\"false\" lets go");
+      }
+    }
+  }
+  static Eigen::Isometry3d pose_of(const double* at, const double* wxyz) {
+    return Eigen::Translation3d{at[0], at[1], at[2]} * Eigen::Quaterniond{wxyz[0], wxyz[1], wxyz[2], wxyz[3]};
+  }
+  [[nodiscard]] Eigen::Isometry3d tool() const noexcept { return Eigen::Translation3d{point()} * attitude(); }
+
+  void command_servos() noexcept {
+    for (const ServoJoint& s : servos_) data_->ctrl[s.actuator] = s.scale * s.q_wanted + s.offset;
+  }
+
+  static std::shared_ptr<const mjModel> load(const std::string& arguments, const Arguments& a) {
+    const std::string& file = a.file;
     std::error_code none;
     if (!std::filesystem::is_regular_file(file, none))
       refuse(arguments, "there is no such file; give the path of a model in MJCF or URDF");
@@ -196,8 +345,10 @@ class World {
     if (model == nullptr) {
       std::string words{error.data()};
       std::replace(words.begin(), words.end(), '\n', ' ');
-      refuse(arguments, "MuJoCo cannot read it: " + words);
+      refuse(arguments, "MuJoCo " + std::string{mj_versionString()} + " cannot read it: " + words);
     }
+    if (!a.actuators.empty()) model->opt.disableflags |= mjDSBL_ACTUATION;
+    if (!a.actuators.empty()) std::fill_n(model->actuator_biastype, model->nu, static_cast<int>(mjBIAS_NONE));
     std::shared_ptr<const mjModel> loaded{model, [](const mjModel* m) { mj_deleteModel(const_cast<mjModel*>(m)); }};
     if (const double h = loaded->opt.timestep; !(h >= kLeastStep && h <= kLongestStep))
       refuse(arguments,
@@ -296,16 +447,29 @@ class World {
     return sum;
   }
 
+  /// A joint of the tool's that a position servo drives: ctrl = scale q + offset.
+  struct ServoJoint {
+    int actuator, q, dof;
+    double scale, offset, q_wanted;
+  };
+  using JointRows = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>;
+
   std::shared_ptr<const mjModel> model_;
   State data_;
-  int site_ = -1, body_ = 0;   ///< of the tool; no site: the body's origin
-  std::vector<bool> of_tool_;  ///< by body: the tool's and those that hang on it
-  double behind_ = 0.0;        ///< the clock [s]
+  State wanted_;  ///< joints of the set point
+  std::vector<ServoJoint> servos_;
+  JointRows linear_, angular_;
+  Eigen::Matrix<double, 6, Eigen::Dynamic> driven_;         ///< columns of the servos
+  int mocap_ = -1;                                          ///< welded to the tool's body
+  Eigen::Isometry3d weld_ = Eigen::Isometry3d::Identity();  ///< of that body in axes of the tool
+  int site_ = -1, body_ = 0;                                ///< of the tool; no site: the body's origin
+  std::vector<bool> of_tool_;                               ///< by body: the tool's and those that hang on it
+  double behind_ = 0.0;                                     ///< the clock [s]
   bool touches_ = false;
   Vector6 wrench_ = Vector6::Zero(), contact_ = Vector6::Zero();
 };
 
-/// A tool in a world of MuJoCo, driven by forces. With one axis: along the joint that moves it.
+/// A tool in a world of MuJoCo, driven by forces; where position servos or a weld move it, by the set points of an Admittance. With one axis: along the joint that moves it.
 template <int N>
 class MujocoRobot final : public VirtualRobot<N> {
  public:
@@ -322,31 +486,45 @@ class MujocoRobot final : public VirtualRobot<N> {
       refuse(o.arguments, "where it starts, its joints move the tool in " + std::to_string(free) +
                               " directions; a scene with dof " + std::to_string(N) + " needs " + std::to_string(N) +
                               (free > 0 ? "; ,key=NAME starts at a keyframe" : ""));
+    if (!world_.obeys_positions()) return;
+    if (const Eigen::Index driven = world_.rank_of_servos(N == 6 ? 6 : 3); driven < N)
+      refuse(o.arguments, "where it starts, its position servos move the tool in " + std::to_string(driven) +
+                              " directions; a scene with dof " + std::to_string(N) + " needs " + std::to_string(N) +
+                              "; ,actuators=off lets them go");
+    start_ = Eigen::Translation3d{world_.point()} * world_.attitude();
+    body_.emplace(kModelServo);
+    body_->rest(position());
   }
 
   [[nodiscard]] RobotInfo info() const override { return {.name = world_.name(), .watchdog = kWatchdog}; }
   RobotSample<N> sense(const Tick<SlaveClock>& tick) noexcept override {
     if (started_) {
       unheard_ = unheard_ + tick.ended;
-      if (unheard_ > kWatchdog) release();
-      world_.advance(tick.ended);
+      if (unheard_ > std::max(kWatchdog, 1.5 * tick.dt)) release();
+      world_.advance(tick.ended, tick.dt);
     }
+    dt_ = tick.dt;
     const Force<N> on_robot{of_axes(world_.contact_wrench())};
     truth_ = {.f_environment = on_robot, .touches = world_.touches()};
     RobotSample<N> sample;
-    if constexpr (N == 6)
-      sample.x = Position<6>{world_.point(), world_.attitude()};
-    else if constexpr (N == 3)
-      sample.x = Position<3>{world_.point()};
-    else
-      sample.x = Position<1>{Position<1>::Vector{axis_.dot(world_.point())}};
+    sample.x = position();
     sample.v = Velocity<N>{of_axes(world_.velocity())};
+    if (body_) {
+      truth_.x = sample.x;
+      sample.x = body_->x();
+      sample.v = body_->v();
+      felt_ = -on_robot;
+    }
     sample.f_environment = -on_robot;
     if (world_.lost() != nullptr) sample.status = HardwareStatus::fault;
     return sample;
   }
   void actuate(const RobotCommand<N>& command) noexcept override {
     unheard_ = Seconds{0.0};
+    if (body_) {
+      body_->step(command.f, felt_, dt_);
+      return world_.want < N == 6 ? 6 : 3 > (pose_of(body_->x()));
+    }
     Vector6 wrench = Vector6::Zero();
     if constexpr (N == 1)
       wrench.head<3>() = command.f[0] * axis_;
@@ -355,7 +533,10 @@ class MujocoRobot final : public VirtualRobot<N> {
     world_.push(wrench);
   }
   void start() noexcept override { started_ = true; }
-  void release() noexcept override { world_.push(Vector6::Zero()); }
+  void release() noexcept override {
+    world_.push(Vector6::Zero());
+    if (body_) body_->stop();
+  }
   [[nodiscard]] std::string trouble() const override {
     const char* const why = world_.lost();
     return why != nullptr ? why : "";
@@ -364,6 +545,7 @@ class MujocoRobot final : public VirtualRobot<N> {
 
   [[nodiscard]] std::unique_ptr<VirtualRobot<N>> copy() const override { return std::make_unique<MujocoRobot>(*this); }
   void kick(const Velocity<N>& dv) noexcept override {
+    if (body_) return body_->kick(dv);
     const Eigen::MatrixXd J = world_.jacobian();
     if constexpr (N == 1)
       world_.kick(axis_.transpose() * J.topRows<3>(), dv.vec());
@@ -381,8 +563,33 @@ class MujocoRobot final : public VirtualRobot<N> {
       return all.head<N>();
   }
 
+  [[nodiscard]] Position<N> position() const noexcept {
+    if constexpr (N == 6)
+      return Position<6>{world_.point(), world_.attitude()};
+    else if constexpr (N == 3)
+      return Position<3>{world_.point()};
+    else
+      return Position<1>{Position<1>::Vector{axis_.dot(world_.point())}};
+  }
+  /// Of the tool; what the port has not is as at the start.
+  [[nodiscard]] Eigen::Isometry3d pose_of(const Position<N>& x) const noexcept {
+    Eigen::Isometry3d pose = start_;
+    if constexpr (N == 6) {
+      pose = Eigen::Translation3d{x.translation()} * x.attitude();
+    } else if constexpr (N == 3) {
+      pose.translation() = x.translation();
+    } else {
+      pose.translation() += (x.translation()[0] - axis_.dot(start_.translation())) * axis_;
+    }
+    return pose;
+  }
+
   std::string arguments_;
   World world_;
+  std::optional<Admittance<N>> body_;  ///< in place of a tool that set points move
+  Eigen::Isometry3d start_ = Eigen::Isometry3d::Identity();
+  Force<N> felt_;
+  Seconds dt_{};
   Vector3d axis_ = Vector3d::UnitX();
   RobotTruth<N> truth_;
   Seconds unheard_{};  ///< since the last command
@@ -392,8 +599,10 @@ class MujocoRobot final : public VirtualRobot<N> {
 }  // namespace
 
 void add_mujoco(Registry& all) {
-  all.robots.add<MujocoRobot>("mujoco",
-                              "mujoco:FILE.xml[,site=NAME][,key=NAME], a tool in a world of MuJoCo, driven by forces");
+  all.robots.add<MujocoRobot>(
+      "mujoco",
+      "mujoco:FILE.xml[,site=NAME][,key=NAME][,actuators=off], a tool in a world of MuJoCo, driven by forces; by set "
+      "points where position servos or a weld to a mocap body move it");
 }
 
 }  // namespace twoport

@@ -10,6 +10,7 @@
 #include "common/coupling/bridge.h"
 #include "common/coupling/joint_metric.h"
 #include "common/coupling/leader_inertia.h"
+#include "common/coupling/motor_mask.h"
 #include "common/coupling/options.h"
 #include "common/coupling/ramp.h"
 #include "common/coupling/registration.h"
@@ -66,12 +67,21 @@ class MasterNode {
   [[nodiscard]] bool has_payload() const noexcept { return half_->has_payload(); }
   void write_payload(Words& words) const noexcept { half_->write_payload(words); }
   [[nodiscard]] const LimitCounts& limit_counts() const noexcept { return safety_.counts(); }
+  /// Along axes without a motor, so far.
+  [[nodiscard]] const NotDisplayed& not_displayed() const noexcept { return not_displayed_; }
   /// For what trace and page show.
   [[nodiscard]] const Registration<N>& worlds() const noexcept { return registration_; }
   /// Observed energy that the hand has put in, E(0) not included [J].
   [[nodiscard]] Energy observed() const noexcept { return account_.net(); }
 
  private:
+  void display_by_motors(const Force<N>& wanted) noexcept {
+    command_ = motors_(command_);
+    const typename Force<N>::Vector left = wanted.vec() - motors_(wanted).vec();
+    not_displayed_.force_n = std::max(not_displayed_.force_n, left.template head<kAxes<N>>().norm());
+    if constexpr (N == 6)
+      not_displayed_.torque_n_m = std::max(not_displayed_.torque_n_m, left.template tail<3>().norm());
+  }
   /// What the slave has said, in this world, without the words of another method or coupling.
   void arrive(const PeerState<N>& slave, bool same_epoch) noexcept {
     slave_ = slave;
@@ -124,6 +134,8 @@ class MasterNode {
 
   ObserverRule observer_;
   [[no_unique_address]] JointMetric<N> metric_;
+  MotorMask<N> motors_;
+  NotDisplayed not_displayed_;
   [[no_unique_address]] LeaderInertia<N> inertia_;
   Registration<N> registration_;
   SafetyStage<N> safety_;
@@ -149,6 +161,7 @@ template <int N, class Half>
 MasterNode<N, Half>::MasterNode(const ControlOptions& o, std::span<const ScheduledControl> schedule)
     : observer_{o.observer},
       metric_{o},
+      motors_{o},
       inertia_{o},
       registration_{o},
       safety_{limits_at_device(o), -1.0, o.handle_mass_kg, o.handle_inertia_kg_m2},
@@ -216,7 +229,9 @@ auto MasterNode<N, Half>::step(const Tick<MasterClock>& tick, const DeviceSample
   energy_sent_ = half.energy_in;
   if (!all_finite(half.f)) [[unlikely]]
     return fail_safe(reading);
-  command_ = safety_(half.f, device.x, device.v, tick.dt);
+  command_ = safety_(motors_.all() ? half.f : motors_(half.f), device.x, device.v, tick.dt);
+  if (!motors_.all()) [[unlikely]]
+    display_by_motors(half.wanted);
   Force<N> f = metric_.joints(command_);
   return {.command = f,
           .report = {.x = reading.x,

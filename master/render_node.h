@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "common/base/time.h"
+#include "common/coupling/motor_mask.h"
 #include "common/coupling/options.h"
 #include "common/hardware/device.h"
 #include "common/method/render/render.h"
@@ -22,7 +23,7 @@ class RenderNode {
   };
 
   RenderNode(const ControlOptions& o, Environment<N> environment)
-      : rendering_{o, std::move(environment)}, safety_{limits_at_device(o), -1.0} {}
+      : rendering_{o, std::move(environment)}, motors_{o}, safety_{limits_at_device(o), -1.0} {}
 
   Output step(const Tick<MasterClock>& tick, const DeviceSample<N>& device, const NoReport&) noexcept {
     if (device.status == HardwareStatus::stopped || !all_finite(device.x, device.v, device.applied)) [[unlikely]]
@@ -31,6 +32,8 @@ class RenderNode {
     if (!all_finite(out.command)) [[unlikely]]
       return fail_safe();
     out.command = safety_(out.command, device.x, device.v, tick.dt);
+    if (!motors_.all()) [[unlikely]]
+      out.command = motors_(out.command);
     return out;
   }
 
@@ -45,6 +48,7 @@ class RenderNode {
   }
 
   Rendering<N> rendering_;
+  MotorMask<N> motors_;
   SafetyStage<N> safety_;
 };
 

@@ -187,6 +187,7 @@ struct LinkMaster : Master<N> {
   void fill(Summary& s, bool) {
     link.fill(s, node.mode());
     if (!this->scene.schedule.empty()) s.set_switches(node.epoch());
+    say_not_displayed(this->scene.control, node.not_displayed(), s);
   }
   /// At its time, and upon SIGUSR1.
   void switch_when_due(double t_s) noexcept {
@@ -256,7 +257,7 @@ std::optional<ShownShapes> world_of_page(const Scene& scene, const LiveArguments
   const auto* const in_world = dynamic_cast<const VirtualRobot<N>*>(robot.get());
   if (in_world == nullptr)
     throw ConfigError{"--page-world " + a.page_world +
-                      ": has no world to show; mujoco:FILE.xml[,site=NAME][,key=NAME] has"};
+                      ": has no world to show; mujoco:FILE.xml[,site=NAME][,key=NAME][,actuators=off] has"};
   const WorldPicture picture = in_world->picture();
   return ShownShapes{.meshes = {decimated(picture.still, kMostShownTriangles)},
                      .tool_parts = {decimated(picture.tool, kMostShownTriangles)}};
@@ -272,6 +273,8 @@ int run_master(const Scene& read, const LiveArguments& arguments, const Registry
       arguments.is_playback() ? DeviceMount{} : read.device_mount);
   print_hints(read, arguments, device->truth() != nullptr);
   Scene scene = with_device(read, device->info());
+  if (const std::string axes = axes_without_motor(scene.control); !axes.empty())
+    log.info("the device has no motor along the axes {}: force and torque along them are not displayed", axes);
   std::unique_ptr<Device<1>> gripper;
   if (read.gripper) {
     gripper = mounted_gripper(*device, arguments.hardware);

@@ -12,7 +12,18 @@ SimRobot<N>::SimRobot(const Scene& scene, Seconds dt)
   if (scene.robot) {
     const RobotSpec& robot = *scene.robot;
     state_ = {position<N>(robot.position_m), Velocity<N>{vector<N>(robot.velocity_m_per_s)}};
-    model(robot, scene.simulation, dt.si());
+    if (robot.servo) {
+      servo_.emplace(
+          Servoed{Admittance<N>{*robot.servo,
+                                {.mass_kg = robot.mass_kg,
+                                 .inertia_kg_m2 = robot.inertia_kg_m2.empty() ? 0.0 : robot.inertia_kg_m2[0],
+                                 .damping_n_s_per_m = robot.damping_n_s_per_m,
+                                 .rotational_damping_n_m_s_per_rad = robot.rotational_damping_n_m_s_per_rad}},
+                  PositionServo<N>{*robot.servo, state_.x}});
+      servo_->body.rest(state_.x);
+    } else {
+      model(robot, scene.simulation, dt.si());
+    }
     if (robot.force_sensor) sensor_ = ForceSensor<N>{*robot.force_sensor, dt, scene.seed};
     if constexpr (N == 6) {
       if (robot.arm && robot.force_sensor) mount_wrist_sensor(robot, dt, scene.seed);
@@ -34,7 +45,11 @@ void SimRobot<N>::advance() noexcept {
 
 template <int N>
 void SimRobot<N>::move() noexcept {
-  if (auto* exact = std::get_if<Exact>(&plant_)) {
+  if (servo_) [[unlikely]] {
+    servo_->body.step(command_.f, sensed_, Seconds{dt_s_});
+    servo_->robot.advance(servo_->body.x(), dt_s_);
+    state_ = {servo_->robot.x(), servo_->robot.v()};
+  } else if (auto* exact = std::get_if<Exact>(&plant_)) {
     state_ = exact->advance(command_.f);
   } else if (auto* general = std::get_if<General>(&plant_)) {
     state_ = (*general)->advance(command_.f);
@@ -47,6 +62,10 @@ void SimRobot<N>::move() noexcept {
 
 template <int N>
 bool SimRobot<N>::kick(const Velocity<N>& dv) noexcept {
+  if (servo_) {
+    servo_->body.kick(dv);
+    return true;
+  }
   if (std::holds_alternative<Ideal>(plant_)) return false;
   if (auto* exact = std::get_if<Exact>(&plant_)) exact->kick(dv);
   if (auto* general = std::get_if<General>(&plant_)) (*general)->kick(dv);

@@ -9,11 +9,13 @@
 #include "common/base/built_for.h"
 #include "common/base/copied.h"
 #include "common/contact/environment.h"
+#include "common/hardware/admittance.h"
 #include "common/hardware/robot.h"
 #include "common/scene/scene.h"
 #include "sim/plant/arm.h"
 #include "sim/plant/body_plant.h"
 #include "sim/plant/exact_wall.h"
+#include "sim/plant/position_servo.h"
 #include "sim/sensor.h"
 #include "sim/sim_joints.h"
 
@@ -48,6 +50,8 @@ class SimRobot final {
   Energy set_surface(std::size_t surface, double stiffness_n_per_m, double friction) noexcept;
 
   [[nodiscard]] RobotSample<N> sense() const noexcept {
+    if (servo_) [[unlikely]]
+      return {servo_->body.x(), servo_->body.v(), sensed_};
     return {state_.x, state_.v, sensed_, std::holds_alternative<Ideal>(plant_)};
   }
   /// The same for run_cycle: the caller advances.
@@ -56,9 +60,14 @@ class SimRobot final {
     return sense();
   }
   void actuate(const RobotCommand<N>& command) noexcept { command_ = command; }
-  void release() noexcept { command_.f = Force<N>{}; }
+  void release() noexcept {
+    command_.f = Force<N>{};
+    if (servo_) servo_->body.stop();
+  }
 
   [[nodiscard]] const BodyState<N>& state() const { return state_; }
+  /// Of the port at which the command acts: the robot, or the body in its place.
+  [[nodiscard]] const Position<N>& port() const { return servo_ ? servo_->body.x() : state_.x; }
   /// Coupling force on the robot, held now.
   [[nodiscard]] const Force<N>& held() const { return command_.f; }
   /// True force of the environment on the robot.
@@ -80,6 +89,11 @@ class SimRobot final {
   [[nodiscard]] Force<N> pull(const Spring& s, const Point<kAxes<N>>& f) const noexcept;
 
   struct Ideal {};
+  /// In place of a plant.
+  struct Servoed {
+    Admittance<N> body;
+    PositionServo<N> robot;
+  };
   /// Stands where the exact maps do not exist.
   struct NoMap {
     BodyState<N> advance(const Force<N>&) noexcept { return {}; }
@@ -103,6 +117,7 @@ class SimRobot final {
   std::shared_ptr<Environment<N>> environment_;
   BodyState<N> state_;
   std::variant<Ideal, Exact, General, Arm> plant_;
+  std::optional<Servoed> servo_;
   std::optional<WristCompensation> wrist_;  ///< of an arm with a force sensor
   RobotCommand<N> command_;
   Force<N> from_environment_, sensed_;

@@ -205,6 +205,16 @@ int run_slave(const Scene& read, const LiveArguments& arguments, const Registry&
     for (const ScheduledControl& entry : scene.schedule) check_without_force_sensor(entry.control, arguments);
   }
   scene.control.own_limits = robot->info().limits;
+  if (const std::optional<Servo> servo = robot->info().servo) {
+    const AdmittanceBody body{};
+    scene.control.known.robot_mass_kg = body.mass_kg;
+    scene.control.known.robot_inertia_kg_m2 = body.inertia_kg_m2;
+    log.info(
+        "the robot obeys positions only, {:.3g} ms late: a body of {:g} kg between coupling and robot yields to the "
+        "force "
+        "sensor; the energy account is of that body's port",
+        1e3 * servo->behind().si(), body.mass_kg);
+  }
   std::unique_ptr<Robot<1>> gripper;
   if (scene.gripper) {
     gripper = mounted_gripper(*robot, arguments.hardware);

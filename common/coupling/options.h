@@ -88,6 +88,7 @@ struct ControlOptions {
   Energy initial_energy{1e-3};                                   ///< under `render` a scene's default is 0
   double handle_mass_kg = 0.0, handle_inertia_kg_m2 = 0.0;       ///< apparent, at the master; 0: not known
   double max_force_n = std::numeric_limits<double>::infinity();  ///< largest translational force at the device
+  std::uint8_t without_motor = 0;                                ///< bit i: axis i of the device displays no force
   Seconds engage{0.1};                                           ///< force ramp after the link is up
   Seconds hold_after{0.1};                                       ///< silent link: coupled -> holding
   Seconds release_after{1.0};                                    ///< silent link: holding -> released

@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/hardware/admittance.h"
 #include "common/hardware/device.h"
 #include "common/hardware/modulated_transformer.h"
 #include "common/hardware/mount.h"
@@ -245,6 +247,7 @@ class MountedDevice final : public Device<N> {
 ///
 /// for a reading (f_s, τ_s) of force and torque on tool and environment, b its bias, m and c mass and centre of the tool, g gravity.
 /// In place of a reading that is not finite stands the last one, stale and at rest, and the robot is released until the next one.
+/// A robot that obeys positions only is moved by an Admittance, whose body is then what readings show.
 template <int N>
 class MountedRobot final : public Robot<N> {
  public:
@@ -252,6 +255,15 @@ class MountedRobot final : public Robot<N> {
     const Eigen::Vector3d weight = m_.tool_mass_kg * m_.gravity_m_per_s2;
     for (int i = 0; i < std::min(N, 3); ++i) fixed_[i] = (N == 1 ? 0.0 : weight[i]) - (N == 6 ? 0.0 : m_.bias[i]);
     corrects_ = m_.tool_mass_kg > 0.0 || m_.bias.squaredNorm() > 0.0;
+    const RobotInfo info = robot_->info();
+    if (!info.servo) return;
+    if (!info.has_force_sensor)
+      throw ConfigError{
+          fmt::format("the robot ({}) obeys positions only and has no force sensor; it must have one: without it "
+                      "nothing tells how far "
+                      "it may press",
+                      info.name)};
+    admittance_.emplace(*info.servo);
   }
 
   [[nodiscard]] RobotInfo info() const override { return robot_->info(); }
@@ -266,26 +278,32 @@ class MountedRobot final : public Robot<N> {
       s.status = status;
     } else if (!lets_go_) {
       last_ = s;
+      if (!any_ && admittance_) admittance_->rest(s.x);
       any_ = true;
     }
-    if (!corrects_) return s;
-    typename Force<N>::Vector f = s.f_environment.vec() + fixed_;
-    if constexpr (N == 6) {
-      const Eigen::Quaterniond& q = s.x.attitude();
-      const Eigen::Vector3d arm = q * m_.tool_center_m, weight = m_.tool_mass_kg * m_.gravity_m_per_s2;
-      f.template head<3>() -= q * Eigen::Vector3d{m_.bias.template head<3>()};
-      f.template tail<3>() += arm.cross(weight) - q * Eigen::Vector3d{m_.bias.template tail<3>()};
+    if (corrects_) correct(s);
+    if (admittance_) [[unlikely]] {
+      dt_ = tick.dt;
+      felt_ = s.f_environment;
+      s.x = admittance_->x();
+      s.v = admittance_->v();
+      s.ideal = false;
     }
-    s.f_environment = Force<N>{f};
     return s;
   }
   void actuate(const RobotCommand<N>& command) noexcept override {
     if (!all_finite(command.f, command.x_d, command.v_d)) [[unlikely]]
-      return robot_->release();
-    if (!lets_go_) robot_->actuate(command);
+      return release();
+    if (lets_go_) return;
+    if (!admittance_) return robot_->actuate(command);
+    admittance_->step(command.f, felt_, dt_);
+    robot_->actuate({.f = command.f, .x_d = admittance_->x(), .v_d = admittance_->v()});
   }
   void start() noexcept override { robot_->start(); }
-  void release() noexcept override { robot_->release(); }
+  void release() noexcept override {
+    if (admittance_) admittance_->stop();
+    robot_->release();
+  }
   [[nodiscard]] std::string trouble() const override { return robot_->trouble(); }
   [[nodiscard]] Robot<1>* gripper() noexcept override { return robot_->gripper(); }
   [[nodiscard]] AdjustableEnvironment* environment() noexcept override { return robot_->environment(); }
@@ -294,11 +312,25 @@ class MountedRobot final : public Robot<N> {
   [[nodiscard]] const RobotTruth<N>* truth() const noexcept override { return robot_->truth(); }
 
  private:
+  void correct(RobotSample<N>& s) const noexcept {
+    typename Force<N>::Vector f = s.f_environment.vec() + fixed_;
+    if constexpr (N == 6) {
+      const Eigen::Quaterniond& q = s.x.attitude();
+      const Eigen::Vector3d arm = q * m_.tool_center_m, weight = m_.tool_mass_kg * m_.gravity_m_per_s2;
+      f.template head<3>() -= q * Eigen::Vector3d{m_.bias.template head<3>()};
+      f.template tail<3>() += arm.cross(weight) - q * Eigen::Vector3d{m_.bias.template tail<3>()};
+    }
+    s.f_environment = Force<N>{f};
+  }
+
   std::shared_ptr<Robot<N>> robot_;
   RobotMount m_;
   typename Force<N>::Vector fixed_ = Force<N>::Vector::Zero();
   RobotSample<N> last_;  ///< the last one that was finite
   bool corrects_, any_ = false, lets_go_ = false;
+  std::optional<Admittance<N>> admittance_;  ///< of a robot that obeys positions only
+  Force<N> felt_;                            ///< by its sensor, at the last reading
+  Seconds dt_{};
 };
 
 /// `gripper`, which stays its owner's. Throws ConfigError where it is null: `choice` names the `hardware` that has none.

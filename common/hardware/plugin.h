@@ -17,9 +17,9 @@
 
 namespace twoport::plugin {
 
-/// Of Device and Robot. Version 2 has gripper() as the last function of both; nothing else differs from version 1.
-/// A program loads plug-ins from kOldestVersion to kVersion.
-inline constexpr std::uint32_t kVersion = 2;
+/// Of Device and Robot. Version 2 has gripper() as the last function of both, version 3 the servo at the end of RobotInfo; nothing else
+/// differs. A program loads plug-ins from kOldestVersion to kVersion.
+inline constexpr std::uint32_t kVersion = 3;
 inline constexpr std::uint32_t kOldestVersion = 1;
 /// Of Arm, which has entry points of its own.
 inline constexpr std::uint32_t kArmVersion = 1;
@@ -44,8 +44,8 @@ struct DeviceInfo {
   const char* name = "";    ///< maker, model, serial number; good as long as the device
   int dof = 3;              ///< degrees of freedom: 1, 3 or 6. A scene may use fewer; the others are then left free
   double workspace_m[3]{};  ///< extent along each axis; 0: not known
-  double peak_force_n = kUnlimited;  ///< 0: it displays no force
-  double peak_torque_n_m = kUnlimited;
+  double peak_force_n = kUnlimited;  ///< 0: no motors for the translation; where the torque is unlimited, none at all
+  double peak_torque_n_m = kUnlimited;                                           ///< 0: no motors for the rotation
   double continuous_force_n = kUnlimited;                                        ///< that it holds for ever
   double resolution_m = 0.0, rate_hz = 0.0, mass_kg = 0.0, inertia_kg_m2 = 0.0;  ///< 0: not known
   double watchdog_s = 0.0;  ///< it lets go by itself after this time without actuate(); 0: it does not
@@ -86,6 +86,9 @@ struct RobotInfo {
   double max_force_n = kUnlimited, max_torque_n_m = kUnlimited, max_speed_m_per_s = kUnlimited,
          workspace_m = kUnlimited;
   double watchdog_s = 0.0;
+  /// Of a robot that obeys positions only: it takes the newest set point at this rate, servo_delay_s later, with a first-order lag. 0: it
+  /// follows forces.
+  double servo_rate_hz = 0.0, servo_delay_s = 0.0, servo_lag_s = 0.0;
 };
 
 struct RobotReading {

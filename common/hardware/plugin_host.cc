@@ -119,6 +119,9 @@ std::string defect(const Info& info) {
     need(info.max_torque_n_m > 0.0, "max_torque_n_m", info.max_torque_n_m, "> 0");
     need(info.max_speed_m_per_s > 0.0, "max_speed_m_per_s", info.max_speed_m_per_s, "> 0");
     need(info.workspace_m > 0.0, "workspace_m", info.workspace_m, "> 0");
+    known("servo_rate_hz", info.servo_rate_hz);
+    known("servo_delay_s", info.servo_delay_s);
+    known("servo_lag_s", info.servo_lag_s);
   }
   return need.why;
 }
@@ -140,6 +143,16 @@ const char* name_of(const char* name) {
   return name == nullptr ? "" : name;
 }
 
+/// What hardware says of itself whose library has this version.
+template <class Interface>
+auto info_of(const Interface& hardware, std::uint32_t version) {
+  auto info = hardware.info();
+  // The description of an older robot ends before its servo.
+  if constexpr (std::is_same_v<Interface, plugin::Robot>)
+    if (version < 3) info.servo_rate_hz = info.servo_delay_s = info.servo_lag_s = 0.0;
+  return info;
+}
+
 /// The gripper of hardware whose library has this version; null: none. Why it cannot be one goes into `why`.
 template <class Interface>
 Interface* gripper_of(Interface& hardware, std::uint32_t version, std::string& why) {
@@ -153,7 +166,7 @@ Interface* gripper_of(Interface& hardware, std::uint32_t version, std::string& w
     why = "gripper() returns the hardware itself; it must be another object";
     return nullptr;
   }
-  const auto info = gripper->info();
+  const auto info = info_of(*gripper, version);
   why = defect(info);
   if (why.empty() && info.dof != 1) why = fmt::format("info() says dof {}; it must be 1", info.dof);
   if (!why.empty()) why = "gripper: " + why;
@@ -175,18 +188,20 @@ template <class Interface>
 struct Opened {
   std::unique_ptr<Interface> hardware;
   Interface* gripper = nullptr;
+  std::uint32_t version = 0;
 };
 
 template <class Interface>
 Opened<Interface> open(const Kind& kind, const std::string& flag, const PluginChoice& choice, int dof, Seconds period) {
   const plugin::Entry<Interface>& entry = load<Interface>(kind, flag, choice);
   Opened<Interface> opened;
+  opened.version = entry.version;
   std::unique_ptr<Interface>& hardware = opened.hardware;
   std::string why;
   try {
     hardware.reset(entry.open({choice.arguments.c_str(), dof, period.si()}));
     if (hardware) {
-      const auto info = hardware->info();
+      const auto info = info_of(*hardware, entry.version);
       why = defect(info);
       if (why.empty()) why = mismatch(info, dof);
       if constexpr (!std::is_same_v<Interface, plugin::Arm>)
@@ -299,6 +314,10 @@ void describe(const plugin::RobotInfo& from, RobotInfo& info) {
   info.limits.torque_n_m = from.max_torque_n_m;
   info.limits.speed_m_per_s = from.max_speed_m_per_s;
   info.limits.workspace_m = from.workspace_m;
+  if (from.servo_rate_hz > 0.0)
+    info.servo = Servo{.period = Seconds{1.0 / from.servo_rate_hz},
+                       .delay = Seconds{from.servo_delay_s},
+                       .lag = Seconds{from.servo_lag_s}};
   info.watchdog = Seconds{from.watchdog_s};
 }
 void describe(const plugin::ArmInfo& from, auto& info) {
@@ -427,17 +446,17 @@ class Plugin final : public Hardware<N> {
   using Interface = typename T::Interface;
 
  public:
-  Plugin(Opened<Interface> opened, const std::string& path) : Plugin{*opened.hardware, path} {
+  Plugin(Opened<Interface> opened, const std::string& path) : Plugin{*opened.hardware, path, opened.version} {
     owned_ = std::move(opened.hardware);
     if constexpr (!T::kArm) {
       if (opened.gripper == nullptr) return;
-      gripper_ = std::make_unique<Plugin<Hardware, 1>>(*opened.gripper, path);
+      gripper_ = std::make_unique<Plugin<Hardware, 1>>(*opened.gripper, path, opened.version);
       if constexpr (kIsDevice<Interface>) info_.gripper = true;
     }
   }
   /// `hardware` must outlive this object.
-  Plugin(Interface& hardware, const std::string& path) : hardware_{hardware, path} {
-    const auto info = hardware.info();
+  Plugin(Interface& hardware, const std::string& path, std::uint32_t version) : hardware_{hardware, path} {
+    const auto info = info_of(hardware, version);
     describe(info, info_);
     if constexpr (T::kArm) joints_ = info.joints;
   }

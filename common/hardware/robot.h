@@ -1,9 +1,11 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "common/base/time.h"
 #include "common/base/vector.h"
+#include "common/hardware/servo.h"
 #include "common/hardware/status.h"
 #include "common/safety/limits.h"
 
@@ -17,6 +19,8 @@ struct RobotInfo {
   bool has_force_sensor = true;  ///< without one POSITION_MEASURED_FORCE is refused
   PortLimits limits{};           ///< what the robot can do or shall do; the slave keeps these and the scene's
   Seconds watchdog{};            ///< the robot stops by itself when no actuate() has come for this long; 0: it does not
+  /// It obeys positions only: a body between coupling and robot then yields in its place (Admittance). Nothing: it follows forces.
+  std::optional<Servo> servo{};
 };
 
 /// One reading of a robot, at the start of a tick.
@@ -32,8 +36,9 @@ struct RobotSample {
 /// Values that only a simulated robot knows, at the time of the last reading.
 template <int N>
 struct RobotTruth {
-  Force<N> f_environment;  ///< force of the environment on the robot [N], [N m]
-  bool touches = false;    ///< the environment
+  Force<N> f_environment;          ///< force of the environment on the robot [N], [N m]
+  bool touches = false;            ///< the environment
+  std::optional<Position<N>> x{};  ///< of the tool, where RobotSample::x is that of a body in its place
 };
 
 /// Command of the slave to its robot for the coming period.

@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 
+#include "common/coupling/motor_mask.h"
 #include "common/coupling/virtual_coupling.h"
 #include "common/method/method.h"
 
@@ -101,19 +102,23 @@ class MasterPassivity {
 template <int N, class Transparency = MasterTransparency<N>, class Passivity = MasterPassivity<N>>
 class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>, MasterHalf<N>> {
  public:
-  explicit MasterPair(const ControlOptions& o) : transparency_{o}, passivity_{o} {}
+  explicit MasterPair(const ControlOptions& o) : motors_{o}, transparency_{o}, passivity_{o} {}
 
   void start(const DeviceSample<N>& device) noexcept override { transparency_->start(device); }
   MasterOutput<N> step(const MasterInput<N>& in) noexcept override {
     Wish<N> wish = transparency_->wish(in);
     if (!all_finite(wish.f, wish.damper)) [[unlikely]]
       return not_finite(wish, in);
+    Force<N> without_motor{};
+    if (!motors_.all()) [[unlikely]]
+      without_motor = leave_out(wish);
     if (in.bridge != nullptr) [[unlikely]]
       cross(wish, in);
-    Shown<N> shown = passivity_->limit(wish, in);
+    Shown<N> shown = motors_.all() ? passivity_->limit(wish, in) : limit_by_motors(wish, in);
     transparency_->shown(shown.f, shown.share, in);
     if (wish.bridge != nullptr) [[unlikely]]
       wish.f += wish.bridge->added();
+    wish.f += without_motor;
     return {.f = shown.f,
             .wanted = wish.f,
             .energy_in = shown.energy_in,
@@ -131,6 +136,36 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
   void write_payload(Words& words) const noexcept override { transparency_->write_payload(words); }
 
  private:
+  /// Takes from the wish what no motor can display, and returns it.
+  Force<N> leave_out(Wish<N>& wish) const noexcept {
+    const Force<N> all = wish.f;
+    wish.f = motors_(wish.f);
+    wish.damper = motors_(wish.damper);
+    return all - wish.f;
+  }
+  /// The passivity layer sees a device of the axes with motors.
+  Shown<N> limit_by_motors(const Wish<N>& wish, const MasterInput<N>& in) noexcept {
+    DeviceSample<N> device = in.device;
+    device.v = motors_(device.v);
+    Interval<N> interval = in.interval;
+    interval.moved = motors_(interval.moved);
+    Shown<N> shown = passivity_->limit(wish, {.dt = in.dt,
+                                              .ended = in.ended,
+                                              .device = device,
+                                              .interval = interval,
+                                              .first = in.first,
+                                              .slave = in.slave,
+                                              .slave_energy_in = in.slave_energy_in,
+                                              .slave_energy_net = in.slave_energy_net,
+                                              .account = in.account,
+                                              .active = in.active,
+                                              .paused = in.paused,
+                                              .inertia = in.inertia,
+                                              .ramp = in.ramp,
+                                              .bridge = in.bridge});
+    shown.f = motors_(shown.f);
+    return shown;
+  }
   void cross(Wish<N>& wish, const MasterInput<N>& in) noexcept {
     wish.bridge = in.bridge;
     if (passivity_->crosses_bridge()) return;
@@ -149,6 +184,7 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
     return out;
   }
 
+  [[no_unique_address]] MotorMask<N> motors_;
   Held<Transparency> transparency_;
   Held<Passivity> passivity_;
 };

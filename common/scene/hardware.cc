@@ -1,5 +1,7 @@
 #include <algorithm>
+#include <set>
 
+#include "common/hardware/admittance.h"
 #include "common/scene/blocks.h"
 
 namespace twoport {
@@ -7,7 +9,7 @@ namespace {
 
 /// Three principal moments; one number stands for all three.
 Numbers read_inertia(const Block<schema::Robot>& of) {
-  if (of.dof() != 6 || of->has_arm()) return {};
+  if (of.dof() != 6 || of->has_arm() || (of->has_servo() && of->inertia_kg_m2_size() == 0)) return {};
   of.require(FIELD(inertia_kg_m2));
   Numbers moments = numbers(of->inertia_kg_m2());
   moments.resize(3, moments[0]);
@@ -36,7 +38,8 @@ void read_arm_of_robot(const Block<schema::Robot>& robot, RobotSpec& spec) {
 }  // namespace
 
 RobotSpec read_robot(const Block<schema::Robot>& of) {
-  if (!of->has_arm()) of.require(FIELD(mass_kg));
+  if (of->has_arm() && of->has_servo()) of.refuse(FIELD(servo), "be absent beside an arm, which follows forces");
+  if (!of->has_arm() && !of->has_servo()) of.require(FIELD(mass_kg));
   RobotSpec spec{
       .mass_kg = of->has_arm() ? 0.0 : of->mass_kg(),
       .damping_n_s_per_m = of->damping_n_s_per_m(),
@@ -47,6 +50,18 @@ RobotSpec read_robot(const Block<schema::Robot>& of) {
       .rotational_damping_n_m_s_per_rad = of->rotational_damping_n_m_s_per_rad(),
   };
   if (of->has_arm()) read_arm_of_robot(of, spec);
+  if (of->has_servo()) {
+    const Block<schema::PositionServo> servo = of.block(FIELD(servo));
+    spec.servo = Servo{.period = Seconds{1.0 / servo->rate_hz()},
+                       .delay = Seconds{servo->delay_ms() * 1e-3},
+                       .lag = Seconds{servo->lag_ms() * 1e-3}};
+    const AdmittanceBody body{};
+    if (!of->has_mass_kg()) spec.mass_kg = body.mass_kg;
+    if (!of->has_damping_n_s_per_m()) spec.damping_n_s_per_m = body.damping_n_s_per_m;
+    if (of.dof() == 6 && spec.inertia_kg_m2.empty()) spec.inertia_kg_m2.assign(3, body.inertia_kg_m2);
+    if (!of->has_rotational_damping_n_m_s_per_rad())
+      spec.rotational_damping_n_m_s_per_rad = body.rotational_damping_n_m_s_per_rad;
+  }
   if (of->has_force_sensor()) spec.force_sensor = read_force_sensor(of.block(FIELD(force_sensor)));
   return spec;
 }
@@ -119,6 +134,17 @@ Numbers read_principal(const Block<schema::Device>& of, const auto& field, const
   return numbers(field.value(of.message()));
 }
 
+/// Axes from 0, each once.
+std::vector<int> read_motors(const Block<schema::Device>& of) {
+  const std::vector<int> axes{of->motors().begin(), of->motors().end()};
+  std::set<int> seen;
+  for (const int axis : axes)
+    if (axis < 0 || axis >= of.dof() || !seen.insert(axis).second)
+      of.refuse(FIELD(motors), fmt::format("name axes from 0 to {}, each once", of.dof() - 1));
+  if (!axes.empty() && of->has_arm()) of.refuse(FIELD(motors), "be absent beside an arm, whose joints have motors");
+  return axes;
+}
+
 }  // namespace
 
 DeviceSpec read_device(const Block<schema::Device>& of) {
@@ -146,6 +172,7 @@ DeviceSpec read_device(const Block<schema::Device>& of) {
       smallest(spec.principal_rotational_damping_n_m_s_per_rad, spec.rotational_damping_n_m_s_per_rad);
   spec.force_latency_s = of->force_latency_ms() * 1e-3;
   if (of->has_max_force_n()) spec.max_force_n = of->max_force_n();
+  spec.motors = read_motors(of);
   if (of->has_arm()) {
     refuse_beside_arm(of, FIELD(mass_kg), FIELD(inertia_kg_m2), FIELD(damping_n_s_per_m),
                       FIELD(rotational_damping_n_m_s_per_rad), FIELD(velocity_m_per_s), FIELD(coulomb_friction_n),

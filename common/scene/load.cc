@@ -104,6 +104,11 @@ Scene read_scene(std::shared_ptr<const SceneSource> source) {
   scene.simulation = read_simulation(of.block(FIELD(simulation)));
   scene.expect = read_expect(of.block(FIELD(expect)));
   scene.device_mount = read_device_mount(of.block(FIELD(device_mount)));
+  if (scene.device && !scene.device->motors.empty() &&
+      !scene.device_mount.rotation.isApprox(Eigen::Quaterniond::Identity()))
+    of.fail(
+        "device_mount.rotation turns the axes of the device, and device.motors names some of them; one of the two must "
+        "be absent");
   scene.robot_mount = read_robot_mount(of.block(FIELD(robot_mount)));
   check_rules(of, scene, use);
   if (of->has_gripper()) scene.gripper = std::make_shared<const Scene>(read_gripper(of, scene, use));
@@ -120,6 +125,8 @@ void tell_system(const Scene& scene, ControlOptions& control) {
   control.handle_mass_kg = device.mass_kg > 0.0 ? device.mass_kg : hand.mass_kg;
   control.handle_inertia_kg_m2 = device.inertia_kg_m2 > 0.0 ? device.inertia_kg_m2 : hand.inertia_kg_m2;
   control.max_force_n = device.max_force_n.value_or(std::numeric_limits<double>::infinity());
+  control.without_motor = device.motors.empty() ? 0 : static_cast<std::uint8_t>((1 << scene.dof) - 1);
+  for (const int axis : device.motors) control.without_motor &= static_cast<std::uint8_t>(~(1 << axis));
 
   control.random.seed = scene.seed;
   KnownSystem& known = control.known;

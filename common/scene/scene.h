@@ -12,6 +12,7 @@
 #include "common/contact/contact_law.h"
 #include "common/coupling/options.h"
 #include "common/hardware/mount.h"
+#include "common/hardware/servo.h"
 #include "common/link/impairment.h"
 #include "common/link/transmission.h"
 #include "common/passivity/controller_options.h"
@@ -131,6 +132,7 @@ struct DeviceSpec {
   double force_latency_s = 0.0;
   /// Mass and inertia are then its smallest effective ones at the handle when the run begins.
   std::optional<ArmSpec> arm{};
+  std::vector<int> motors{};  ///< axes that display a force; empty: all
 };
 
 struct ForceSensorSpec {
@@ -146,6 +148,7 @@ struct RobotSpec {
   double rotational_damping_n_m_s_per_rad;
   std::optional<ArmSpec>
       arm{};  ///< mass and inertia are then its smallest effective ones at the tool when the run begins
+  std::optional<Servo> servo{};  ///< mass, inertia and damping are then those of the body between coupling and servo
 };
 
 /// How the simulated world is stepped between two ticks.

@@ -136,9 +136,9 @@ void show_runs(const Progress& p) {
 }
 
 CLI::Option* add_robot(CLI::App& command, std::string& robot) {
-  return command.add_option(
-      "--robot", robot,
-      "mujoco:FILE.xml[,site=NAME][,key=NAME]: a world of MuJoCo in place of the scene's robot and environment");
+  return command.add_option("--robot", robot,
+                            "mujoco:FILE.xml[,site=NAME][,key=NAME][,actuators=off]: a world of MuJoCo in place of the "
+                            "scene's robot and environment");
 }
 
 std::optional<HostedRobot> open_robot(const std::string& choice, const Scene& scene) {
@@ -146,7 +146,7 @@ std::optional<HostedRobot> open_robot(const std::string& choice, const Scene& sc
   // Others go by the clock.
   if (choice.substr(0, choice.find(':')) != "mujoco")
     throw ConfigError{"--robot " + choice +
-                      ": does not run in virtual time; mujoco:FILE.xml[,site=NAME][,key=NAME] does"};
+                      ": does not run in virtual time; mujoco:FILE.xml[,site=NAME][,key=NAME][,actuators=off] does"};
   return for_cartesian_dof(scene.dof, "--robot " + choice, [&]<int N>() -> std::optional<HostedRobot> {
     std::unique_ptr<Robot<N>> robot = all_drivers().robots.open<N>(choice, scene, Seconds{1.0 / scene.slave_rate_hz});
     HostedRobot hosted{choice, HostedRobot::Of<N>{&dynamic_cast<VirtualRobot<N>&>(*robot.release())}};

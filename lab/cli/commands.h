@@ -70,7 +70,7 @@ void show_progress(const Progress& progress);
 /// "3 of 12 runs, 2 s, 6 s left".
 void show_runs(const Progress& progress);
 
-/// --robot mujoco:FILE.xml[,site=NAME][,key=NAME].
+/// --robot mujoco:FILE.xml[,site=NAME][,key=NAME][,actuators=off].
 CLI::Option* add_robot(CLI::App& command, std::string& robot);
 /// The robot of that option; nothing where it was not given. Throws ConfigError where it cannot be opened or the scene cannot have it.
 std::optional<HostedRobot> open_robot(const std::string& choice, const Scene& scene);

@@ -286,9 +286,9 @@ void add_chart_command(CLI::App& app, Chosen& chosen) {
   add_list(chart, "--vary", a->chart.vary,
            "PATH=a,b,c or PATH,PATH=a,b,c; integrators and substeps unless given; with --answer also "
            "verdict=tail,lean,plain");
-  add_list(
-      chart, "--robot", a->robots,
-      "mujoco:FILE.xml[,site=NAME][,key=NAME]: also a world of MuJoCo in place of the scene's robot and environment");
+  add_list(chart, "--robot", a->robots,
+           "mujoco:FILE.xml[,site=NAME][,key=NAME][,actuators=off]: also a world of MuJoCo in place of the scene's "
+           "robot and environment");
   chart.add_option("--boundary", a->chart.boundary, "PATH=LO:HI: also find the stability boundary of each point");
   chart.add_flag(
       "--answer", a->chart.answer,

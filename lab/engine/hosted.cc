@@ -47,6 +47,7 @@ class HostedPlant {
     return true;
   }
   [[nodiscard]] const sim::BodyState<N>& state() const { return state_; }
+  [[nodiscard]] const Position<N>& port() const { return sample_.x; }
   [[nodiscard]] const Force<N>& held() const { return f_; }
   [[nodiscard]] const Force<N>& environment_force() const { return from_environment_; }
   /// Of the scene: nothing.
@@ -55,7 +56,8 @@ class HostedPlant {
  private:
   void read() noexcept {
     sample_ = robot_->sense({Instant<SlaveClock>{tick_time(tick_, 1.0 / dt_.si())}, dt_});
-    state_ = {sample_.x, sample_.v};
+    const RobotTruth<N>* truth = robot_->truth();
+    state_ = {truth != nullptr && truth->x ? *truth->x : sample_.x, sample_.v};
     from_environment_ = robot_->truth() ? robot_->truth()->f_environment : -sample_.f_environment;
     // A world that is lost has diverged.
     if (sample_.status == HardwareStatus::fault)

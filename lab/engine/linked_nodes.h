@@ -87,6 +87,7 @@ class LinkedNodes : public BothNodes<N, DelayLines<N>, Method> {
   [[nodiscard]] LinkUse use() const {
     LinkUse use{this->master_mail.counts(), this->slave_mail.counts(), this->network.overflowed()};
     use.device_limits = this->master.limit_counts();
+    use.not_displayed = this->master.not_displayed();
     use.robot_limits = this->slave.limit_counts();
     use.switches = this->master.epoch();
     return use;

@@ -96,9 +96,9 @@ class LinkLoop final : public Simulation<N> {
   [[nodiscard]] const sim::Path<sim::kPathSize<N>>* path() const override { return &device_.path(); }
   void slave_tick(TickAt at) noexcept {
     if (at.now > Duration{0}) {
-      Position<N> before = robot_.state().x;
+      Position<N> before = robot_.port();
       robot_.advance();
-      into_robot_ += dot(robot_.held(), robot_.state().x - before);
+      into_robot_ += dot(robot_.held(), robot_.port() - before);
     }
     coupling_energy_ = nodes_.slave.delivered() - into_robot_;
     environment_force_ = robot_.environment_force();

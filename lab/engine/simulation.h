@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "common/coupling/motor_mask.h"
 #include "common/link/clock_offset.h"
 #include "common/link/mailbox.h"
 #include "common/record/row.h"
@@ -22,6 +23,7 @@ struct LinkUse {
   std::uint64_t overflowed = 0;  ///< found the delay line full
   std::uint32_t switches = 0;    ///< of method or architecture
   LimitCounts device_limits{}, robot_limits{};
+  NotDisplayed not_displayed{};
   std::optional<ClockFigures> clock{};  ///< the master's estimate of the slave's clock, where that differs
 };
 

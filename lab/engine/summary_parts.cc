@@ -58,6 +58,7 @@ void fill_link(Summary& s, const LinkUse& use, const Scene& scene) {
   packets.mutable_to_slave()->set_sent(count(use.master.sent));
   *packets.mutable_to_master() = received_packets(use.master);
   packets.mutable_to_master()->set_sent(count(use.slave.sent));
+  say_not_displayed(scene.control, use.not_displayed, s);
   if (!(scene.control.device_limits == PortLimits{} && scene.control.robot_limits == PortLimits{})) {
     *s.mutable_limits()->mutable_device() = limits_of_device(use.device_limits);
     *s.mutable_limits()->mutable_robot() = limits_of_robot(use.robot_limits);

@@ -124,6 +124,87 @@ TEST_F(Mujoco, StartsAtAKeyframe) {
     EXPECT_EQ(open<3>(path + order)->sense(tick(0)).x.translation(), Eigen::Vector3d(1.0, 2.0, 3.0)) << order;
 }
 
+const std::string kNamedSlides =
+    "<joint name='x' type='slide' axis='1 0 0' damping='20'/><joint name='y' type='slide' axis='0 1 0' damping='20'/>"
+    "<joint name='z' type='slide' axis='0 0 1' damping='20'/>";
+std::string with_actuators(const std::string& actuators, const std::string& more = "", const std::string& extra = "") {
+  const std::string path = own_folder() / "servos.xml";
+  write_whole(path, "<mujoco><option timestep='0.001' gravity='0 0 0'/><worldbody>" + more + "<body name='hand'>" +
+                        kNamedSlides +
+                        "<geom type='sphere' size='0.02' mass='1'/><site name='tip'/></body></worldbody>" + extra +
+                        "<actuator>" + actuators + "</actuator></mujoco>");
+  return path;
+}
+const std::string kServos =
+    "<position joint='x' kp='5000'/><position joint='y' kp='5000'/><position joint='z' kp='5000'/>";
+/// A coupling of 500 N/m towards `goal` along x, for 4 s.
+RobotSample<3> pulled(Robot<3>& robot, double goal) {
+  robot.start();
+  RobotSample<3> s = robot.sense(tick(0));
+  for (int k = 1; k <= 4000; ++k) {
+    RobotCommand<3> command;
+    command.f = Force<3>{Eigen::Vector3d{500.0 * (goal - s.x.translation().x()) - 20.0 * s.v[0], 0.0, 0.0}};
+    robot.actuate(command);
+    s = robot.sense(tick(k));
+  }
+  return s;
+}
+
+TEST_F(Mujoco, DrivesPositionServosByTheSetPoint) {
+  const auto free = open<3>(with_actuators(kServos));
+  pulled(*free, 0.05);
+  EXPECT_NEAR(free->truth()->x->translation().x(), 0.05, 1e-3);
+  const auto held = open<3>(with_actuators(kServos, "<geom type='box' pos='0.06 0 0' size='0.01 0.1 0.1'/>"));
+  EXPECT_NEAR(pulled(*held, 0.05).f_environment[0], 10.0, 1.5);  // the wall is at 30 mm
+}
+TEST_F(Mujoco, LetsActuatorsGo) {
+  const auto robot = open<3>(with_actuators(kServos) + ",actuators=off");
+  EXPECT_NEAR(pulled(*robot, 0.05).x.translation().x(), 0.05, 1e-3);
+  EXPECT_FALSE(robot->truth()->x.has_value());
+  EXPECT_THROW(open<3>(with_actuators(kServos) + ",actuators=on"), ConfigError);
+}
+TEST_F(Mujoco, RefusesWhatHoldsTheToolAndIsNoServo) {
+  EXPECT_THROW(open<3>(with_actuators("<velocity joint='y' kv='50'/>")), ConfigError);
+  EXPECT_THROW(open<3>(with_actuators("<position joint='x' kp='5000'/>")), ConfigError);
+  EXPECT_NO_THROW(open<3>(with_actuators("<motor joint='x'/>")));
+  EXPECT_THROW(open<3>(with_actuators("", "", "<equality><connect body1='hand' anchor='0 0 0'/></equality>")),
+               ConfigError);
+}
+TEST_F(Mujoco, MovesAMocapBodyThatIsWeldedToTheTool) {
+  const auto robot = open<3>(with_actuators("", "<body name='goal' mocap='true'/>",
+                                            "<equality><weld body1='goal' body2='hand' solref='0.01 1'/></equality>"));
+  pulled(*robot, 0.05);
+  EXPECT_NEAR(robot->truth()->x->translation().x(), 0.05, 2e-3);
+}
+/// Position and velocity belong together at any rate and step.
+TEST_F(Mujoco, FollowsTheClockAtAnyRateAndStep) {
+  for (const double rate : {1000.0, 100.0, 20.0})
+    for (const char* step : {"0.0005", "0.0101", "0.02"}) {
+      const std::string path = own_folder() / "clock.xml";
+      write_whole(path, "<mujoco><option gravity='0 0 0' timestep='" + std::string{step} + "'/><worldbody><body>" +
+                            kSlides + kSphere + "</body></worldbody></mujoco>");
+      const auto robot = open<3>(path);
+      robot->start();
+      dynamic_cast<VirtualRobot<3>&>(*robot).kick(Velocity<3>{Eigen::Vector3d::UnitX()});
+      const Seconds dt{1.0 / rate};
+      const long ticks = std::lround(2.0 * rate);
+      for (long k = 0; k < ticks; ++k) robot->sense({Instant<SlaveClock>{tick_time(k, rate)}, dt});
+      EXPECT_NEAR(robot->sense({Instant<SlaveClock>{tick_time(ticks, rate)}, dt}).x.translation().x(), 2.0 + dt.si(),
+                  0.021)
+          << rate << " Hz, step " << step;
+    }
+}
+TEST_F(Mujoco, NamesItsVersionWhereItCannotRead) {
+  const std::string path = own_folder() / "newer.xml";
+  write_whole(path, "<mujoco><newer/></mujoco>");
+  try {
+    open<3>(path);
+    FAIL();
+  } catch (const ConfigError& e) {
+    EXPECT_NE(std::string{e.what()}.find("MuJoCo 2"), std::string::npos) << e.what();
+  }
+}
+
 TEST_F(Mujoco, ThatHasNoRoomForItsContactsIsAFault) {
   const std::string path = own_folder() / "full.xml";
   write_whole(

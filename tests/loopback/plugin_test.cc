@@ -58,8 +58,8 @@ Tick<Clock> tick(long k) {
 // A plug-in that was compiled with other sizes crashes the program: where they change, plugin::kVersion must grow.
 static_assert(plugin::kArmVersion == 1 && sizeof(plugin::ArmInfo) == 288 && sizeof(plugin::ArmReading) == 272 &&
               sizeof(plugin::ArmCommand) == 192);
-static_assert(plugin::kVersion == 2 && sizeof(plugin::Session) == 24 && sizeof(plugin::DeviceInfo) == 112 &&
-              sizeof(plugin::DeviceReading) == 168 && sizeof(plugin::RobotInfo) == 56 &&
+static_assert(plugin::kVersion == 3 && sizeof(plugin::Session) == 24 && sizeof(plugin::DeviceInfo) == 112 &&
+              sizeof(plugin::DeviceReading) == 168 && sizeof(plugin::RobotInfo) == 80 &&
               sizeof(plugin::RobotReading) == 160 && sizeof(plugin::RobotCommand) == 152);
 
 TEST(Plugin, IsAPathThatEndsInSoWithOrWithoutArguments) {

@@ -2,11 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <memory>
 #include <random>
 #include <utility>
+
+#include "sim/plant/position_servo.h"
 
 namespace twoport {
 namespace {
@@ -353,6 +356,59 @@ class Holding final : public Robot<N> {
  private:
   RobotSample<N> sample_;
 };
+
+/// Follows positions late, before a wall at 20 mm.
+class Late final : public Robot<3> {
+ public:
+  Late(double wall_n_per_m, const Servo& servo, bool sensor = true)
+      : wall_{wall_n_per_m}, servo_{servo}, sensor_{sensor}, follower_{servo, {}} {}
+  [[nodiscard]] RobotInfo info() const override {
+    RobotInfo info{.name = "late", .has_force_sensor = sensor_};
+    info.servo = servo_;
+    return info;
+  }
+  RobotSample<3> sense(const Tick<SlaveClock>&) noexcept override {
+    follower_.advance(wanted_, kPeriod);
+    RobotSample<3> s;
+    s.x = follower_.x();
+    s.f_environment = force(std::max(0.0, wall_ * (s.x.translation().x() - 0.02)), 0.0, 0.0);
+    return s;
+  }
+  void actuate(const RobotCommand<3>& command) noexcept override { wanted_ = command.x_d; }
+  void release() noexcept override {}
+
+ private:
+  double wall_;
+  Servo servo_;
+  bool sensor_;
+  sim::PositionServo<3> follower_;
+  Position<3> wanted_;
+};
+
+/// A coupling of 1 kN/m that ends 20 mm behind the wall: both springs in series, less what the sensor does not count.
+TEST(MountedRobot, HoldsAContactOfARobotThatObeysPositionsOnly) {
+  const auto servo = [](double hz, double delay_s, double lag_s) {
+    return Servo{.period = Seconds{1.0 / hz}, .delay = Seconds{delay_s}, .lag = Seconds{lag_s}};
+  };
+  for (const double wall : {3e3, 1e4, 2e4})
+    for (const Servo& each :
+         {servo(125, 0.004, 0.02), servo(125, 0.0, 0.04), servo(500, 0.002, 0.005), servo(500, 0.0, 0.012)}) {
+      MountedRobot<3> robot{std::make_unique<Late>(wall, each), {}};
+      double least = 1e9, most = 0.0;
+      for (int k = 0; k < 10000; ++k) {
+        const RobotSample<3> s = robot.sense({Instant<SlaveClock>{tick_time(k, 1.0 / kPeriod)}, Seconds{kPeriod}});
+        const double wanted = std::min(0.04, 0.04 * k * kPeriod);
+        robot.actuate(
+            {.f = force(1000.0 * (wanted - s.x.translation().x()) - 20.0 * s.v[0], 0.0, 0.0), .x_d = {}, .v_d = {}});
+        if (k < 8000) continue;
+        least = std::min(least, s.f_environment[0]);
+        most = std::max(most, s.f_environment[0]);
+      }
+      EXPECT_NEAR(most, 20.0 / (1.0 + 1000.0 / wall), 0.5) << wall << " N/m, lag " << each.lag.si();
+      EXPECT_LT(most - least, 0.05) << wall << " N/m, lag " << each.lag.si();
+    }
+  EXPECT_THROW(MountedRobot<3>(std::make_unique<Late>(1e4, servo(125, 0.0, 0.02), false), {}), ConfigError);
+}
 
 TEST(MountedRobot, IsReleasedWhileItsReadingsAreNotFinite) {
   struct Blinking final : Robot<1> {
