@@ -192,11 +192,14 @@ TEST(ReadMesh, JoinsFacesThatHaveVerticesOfTheirOwn) {
 
 /// Parts that touch at a corner, along an edge and at a face: where more than two faces meet, those of one part belong together.
 TEST(ReadMesh, KeepsPartsApartThatTouch) {
+  Source source;
   const Vector3d half{0.1, 0.2, 0.3};
   for (const Vector3d& off : {Vector3d{0.2, 0.4, 0.6}, Vector3d{0.2, 0.4, 0}, Vector3d{0, 0.4, 0.6},
                               Vector3d{0.2, 0, 0}, Vector3d{0, 0, 0.6}}) {
     TriangleMesh two = box_mesh(half);
     append(two, box_mesh(half), off);
+    for (std::size_t i = two.triangles.size() - 1; i > 0; --i)  // in any order
+      std::swap(two.triangles[i], two.triangles[static_cast<std::size_t>(source.uniform(0.0, static_cast<double>(i)))]);
     for (const std::string& file : {obj(exploded(two)), ascii_stl(two), binary_stl(two)}) {
       const TriangleMesh mesh = parse_mesh(file, "parts");
       EXPECT_TRUE(faults_of(mesh).none()) << off.transpose();
@@ -260,6 +263,7 @@ TEST(ReadMesh, TakesInTrianglesWithoutArea) {
     EXPECT_NEAR(volume_m3(mesh), 1.0, 1e-15);
     EXPECT_NEAR(area_of(mesh), 6.0, 1e-15);
     EXPECT_EQ(left_out, "") << "all of them hold it together";
+    for (const TriangleMesh::Triangle& t : mesh.triangles) EXPECT_GT(area_of(TriangleMesh{mesh.vertices, {t}}), 0.01);
   }
   // These hold nothing together: a line, a point, and a fold over a whole edge.
   const TriangleMesh mesh = read("f 1 2 6 5\nf 1 2 2\nf 3 3 3\nf 9 10 1\n");
