@@ -24,7 +24,7 @@ SimDevice<kJointPort>::SimDevice(const Scene& scene, Seconds dt)
             scene.operator_model && scene.operator_model->tremor ? Tremor<6>{*scene.operator_model->tremor, scene.seed}
                                                                  : Tremor<6>{}},
       opening_{scene.finger ? scene.finger->path : std::vector<SegmentSpec>{},
-               Position<1>{scene.device->arm->joint_position_rad.back()}} {
+               position<1>({scene.device->arm->joint_position_rad.back()})} {
   const std::optional<HandOnTool> hand = hand_of(scene, path_.at(0.0).x);
   led_ = hand.has_value();
   const auto nothing = std::make_shared<const Environment<6>>(std::vector<EnvironmentSpec>{});
