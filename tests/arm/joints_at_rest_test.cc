@@ -80,5 +80,35 @@ TEST(JointsAtRest, StandStillInFreeAirAfterAnEasyWay) {
   }
 }
 
+// Each keeps its joint in a run, and the hand gets no more than E(0) while they act.
+TEST(JointLimits, HoldInARun) {
+  const Scene scene = load_scene(
+      TWOPORT_SCENES "/leader_follower.textproto",
+      std::vector<std::string>{"control.device_limits={joint_torque_n_m: [3, 3, 3, 2, 1, 1, 0.5]}",
+                               "control.robot_limits={joint_torque_n_m: [4, 6, 4, 6, 2, 2, 1] joint_speed_rad_per_s: "
+                               "[2, 0.05, 2, 0.08, 2, 2, 2] joint_upper_rad: [2, 1, 2, -1, 2, 1.83, 2]}"});
+  const JointLimits &device = scene.control.device_limits.joints, &robot = scene.control.robot_limits.joints;
+  const auto simulation = lab::make_simulation<N>(scene);
+  double least = 0.0;
+  int fast = 0, beyond = 0;
+  simulation->run([&](const Row<N>& row) {
+    least = std::min(least, row.master_energy_j);
+    for (int i = 0; i < scene.joints; ++i) {
+      const double f = row.slave_f[i], v = row.slave_v[i], q = row.slave_x.translation()[i];
+      EXPECT_LE(std::abs(row.master_f[i]), device.effort[i] * (1 + 1e-12)) << i;
+      EXPECT_LE(std::abs(f), robot.effort[i] * (1 + 1e-12)) << i;
+      if (std::abs(v) > robot.speed[i]) ++fast, EXPECT_LE(f * v, 0.0) << i;
+      if (q > robot.upper[i]) ++beyond, EXPECT_LE(f, 0.0) << i;
+    }
+    return true;
+  });
+  const LimitCounts counts = simulation->link()->robot_limits;
+  EXPECT_GT(counts[Limit::force], 0u);
+  EXPECT_GT(simulation->link()->device_limits[Limit::force], 0u);
+  EXPECT_GT(fast, 0);
+  EXPECT_GT(beyond, 0);
+  EXPECT_GE(least, -simulation->initial_energy().si() - 1e-4);
+}
+
 }  // namespace
 }  // namespace twoport

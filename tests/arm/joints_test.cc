@@ -78,7 +78,21 @@ TEST(JointScene, RefusesInWordsWhatJointsHaveNot) {
   const std::vector<std::pair<std::vector<std::string>, std::vector<std::string>>> cases{
       {{"dof=6"}, {"dof is 6", "absent or 7"}},
       {{"control.architecture=RENDER"}, {"control.architecture is RENDER", "link"}},
-      {{"control.device_limits={force_n: 5}"}, {"control.device_limits.force_n is 5", "absent", "arm's file"}},
+      {{"control.device_limits={force_n: 5}"}, {"control.device_limits.force_n is 5", "absent", "joint_..."}},
+      {{"control.robot_limits={joint_torque_n_m: [5, 5]}"}, {"control.robot_limits.joint_torque_n_m", "7 numbers"}},
+      {{"control.robot_limits={joint_torque_n_m: [5, 5, 5, -5, 5, 5, 5]}"},
+       {"control.robot_limits.joint_torque_n_m", "> 0"}},
+      {{"control.device_limits={joint_torque_n_m: [5, 5, 5, 5, 5, 5, 50]}"},
+       {"control.device_limits.joint_torque_n_m", "arm's file", "number 7 must be at most 12"}},
+      {{"control.device_limits={joint_speed_rad_per_s: [3, 1, 1, 1, 1, 1, 1]}"},
+       {"control.device_limits.joint_speed_rad_per_s", "number 1 must be at most 2.175"}},
+      {{"control.device_limits={joint_lower_rad: [-3, -1, -1, -3, -1, 0, -1]}"},
+       {"control.device_limits.joint_lower_rad", "number 1 must be at least -2.8973"}},
+      {{"control.robot_limits={joint_upper_rad: [1, -1, 1, -1, 1, 3, 1]}"},
+       {"control.robot_limits allow joint 2", "-0.5, where it begins"}},
+      {{"object={mass_kg: 1 position_m: [0, 0, 0] half_size_m: [1, 1, 1] stiffness_n_per_m: 1}"},
+       {"object", "absent", "two fingers"}},
+      {{"operator.finger={stiffness_n_per_m: 1}"}, {"operator.finger", "absent", "does not slide"}},
       {{"control.robot_limits={speed_m_per_s: 5}"}, {"control.robot_limits.speed_m_per_s is 5", "absent"}},
       {{"device.max_force_n=5"}, {"device.max_force_n is 5", "absent"}},
       {{"robot.arm.file=../arms/ur5e.textproto", "robot.arm.joint_position_rad=[0,-1.5,1.5,-1.5,-1.5,0]"},
@@ -102,6 +116,24 @@ TEST(JointScene, RefusesInWordsWhatJointsHaveNot) {
         EXPECT_NE(std::string{e.what()}.find(each), std::string::npos) << overrides[0] << ": " << e.what();
     }
   }
+}
+
+// Those of the scene take the place of the file's, at the side that names them.
+TEST(JointScene, TakesLimitsOfSingleJoints) {
+  const Scene scene =
+      scene_of({"control.robot_limits={joint_torque_n_m: [1, 2, 3, 4, 5, 6, 7]}",
+                "control.device_limits={joint_speed_rad_per_s: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7] "
+                "joint_lower_rad: [-1, -1, -1, -3, -1, 1, 0] joint_upper_rad: [1, 1, 1, -1, 1, 3, 1]}"});
+  const JointLimits robot = scene.control.robot_limits.joints, device = scene.control.device_limits.joints;
+  for (int i = 0; i < 7; ++i) {
+    EXPECT_EQ(robot.effort[i], i + 1.0);
+    EXPECT_NEAR(device.speed[i], 0.1 * (i + 1), 1e-12);
+  }
+  EXPECT_EQ(robot.speed[0], 2.175);
+  EXPECT_EQ(device.effort[6], 12.0);
+  EXPECT_EQ(device.lower[3], -3.0);
+  EXPECT_EQ(device.upper[5], 3.0);
+  EXPECT_EQ(robot.lower[0], -2.8973);
 }
 
 // Limits of a joint: those of the arm's file, each by itself; a torque keeps its direction.
