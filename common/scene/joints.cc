@@ -124,8 +124,8 @@ void read_joints(const Block<schema::Scene>& of, Scene& scene) {
       refuse(limits, FIELD(joint_lower_rad), "it needs space JOINTS");
       refuse(limits, FIELD(joint_upper_rad), "it needs space JOINTS");
     }
-    refuse(of, FIELD(object), "it needs space JOINTS and fingers of robot.arm");
-    refuse(of.block(FIELD(operator_)), FIELD(finger), "it needs space JOINTS");
+    if (of->has_object()) of.fail("object is given, but space is CARTESIAN; it must be JOINTS");
+    if (of->operator_().has_finger()) of.fail("operator.finger is given, but space is CARTESIAN; it must be JOINTS");
     return;
   }
   constexpr const char* kOfArm = "with space JOINTS each joint has limits of its own, the arm's file's or joint_...";
@@ -166,14 +166,15 @@ void read_joints(const Block<schema::Scene>& of, Scene& scene) {
 
   if (of->has_object()) {
     if (!follower.parameters->joints.back().mirrored)
-      of.refuse(FIELD(object), "be absent: the last joint of robot.arm has no two fingers (mirrored)");
+      of.fail(
+          "object is given, but the last joint of robot.arm is no two fingers; it must be mirrored in the arm's file");
     scene.object = read_object(of.block(FIELD(object)));
   }
   const Block hand = of.block(FIELD(operator_));
   if (hand->has_finger()) {
-    if (!hand->has_hand()) hand.refuse(FIELD(finger), "be absent: there is no operator.hand");
+    if (!hand->has_hand()) of.fail("operator.finger is given without operator.hand; both must be");
     if (leader.parameters->joints.back().type != JointType::prismatic)
-      hand.refuse(FIELD(finger), "be absent: the last joint of device.arm does not slide");
+      of.fail("operator.finger is given, but the last joint of device.arm turns; it must slide");
     scene.finger = read_finger(hand.block(FIELD(finger)));
   }
 
