@@ -89,6 +89,7 @@ class SimRobot<kJointPort> final {
   void release() noexcept { command_ = Force<N>{}; }
 
   [[nodiscard]] const BodyState<N>& state() const noexcept { return state_; }
+  [[nodiscard]] const Position<N>& port() const noexcept { return state_.x; }
   [[nodiscard]] const Force<N>& held() const noexcept { return command_; }
   /// Torques of the environment on the robot, Jᵀ f.
   [[nodiscard]] const Force<N>& environment_force() const noexcept { return from_environment_; }
