@@ -1,6 +1,7 @@
 #pragma once
 
 #include <concepts>
+#include <stdexcept>
 #include <utility>
 
 #include "common/base/scalar.h"
@@ -26,7 +27,8 @@ class Passivated {
   Passivated(E element, const ControllerOptions& options, Energy initial = Energy{})
       : element_{std::move(element)}, options_{options}, observer_{initial} {}
 
-  /// Where `in` is not finite or dt <= 0, nothing is booked; then, and where the element's answer is not finite, it is zero until the next step.
+  /// Where `in` is not finite or dt <= 0, nothing is booked, so that energy of the interval that has just ended is missing in the account; then,
+  /// and where the element's answer is not finite, the answer is zero until the next step.
   Out step(const In& in, Seconds dt) noexcept {
     if (!all_finite(in) || !(dt.si() > 0.0)) return held_ = Out{};
     observer_.book(0, dot(held_, in) * dt);
@@ -49,7 +51,7 @@ class Passivated {
 
 struct EnergySpringOptions {
   double stiffness_n_per_m;                       ///< K_0; no less than the element's, or its force is reduced
-  double rotational_stiffness_n_m_per_rad = 0.0;  ///< K_r, N = 6
+  double rotational_stiffness_n_m_per_rad = 0.0;  ///< K_r > 0, N = 6
   double mass_kg = 0.0;                           ///< of the handle at the port; 0: not known
   double inertia_kg_m2 = 0.0;                     ///< of the handle, N = 6; 0: not known
   Energy initial;                                 ///< E(0) > 0: with none the first contact has no force
@@ -62,17 +64,21 @@ struct EnergySpringOptions {
 ///     f'(k) = s f(k) [N],  0 <= s <= 1         EnergySpring: |f'| <= sqrt(2 K (E + E(0))), and what the coming interval returns <= E + E(0)
 ///
 /// Claim, with the mass known: E(k) >= -E(0), whatever the element answers, for any hand that changes its force by no more than 20 N
-/// within two ticks; else E(k) >= -E(0) - K δ²/2 with δ the largest motion of one tick (EnergySpring). The direction of f is kept.
+/// within two ticks, a force at the first step included; else E(k) >= -E(0) - K δ²/2 with δ the largest motion of one tick (EnergySpring).
+/// Of velocities that are means of their intervals, all finite. The direction of f is kept.
 template <OnePort E>
 requires std::same_as<typename E::Out, Force<E::Out::kSize>>
 class Passivated<E, EnergySpringOptions> {
  public:
   using In = typename E::In;
   using Out = typename E::Out;
+  /// std::invalid_argument: N = 6 without K_r, whose torques no energy would limit.
   Passivated(E element, const EnergySpringOptions& o)
       : element_{std::move(element)},
         initial_{o.initial},
         spring_{o.initial, o.stiffness_n_per_m, o.rotational_stiffness_n_m_per_rad, o.mass_kg, o.inertia_kg_m2} {
+    if (Out::kSize == 6 && !(o.rotational_stiffness_n_m_per_rad > 0.0))
+      throw std::invalid_argument{"EnergySpringOptions.rotational_stiffness_n_m_per_rad must be > 0 for six axes"};
     spring_.take_port(Velocity<Out::kSize>::Vector::Ones());  // the hand's push is not known yet
   }
 

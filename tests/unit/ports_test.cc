@@ -65,5 +65,13 @@ static_assert(!PowerDual<Force<3>, Displacement<3>>);  // that is an energy
 static_assert(OnePort<Passivated<Spring<3>>> && OnePort<Passivated<Mass<6>>>);
 static_assert(OnePort<Passivated<Spring<6>, EnergySpringOptions>>);
 
+TEST(Passivated, OfSixAxesNeedsARotationalStiffness) {
+  EnergySpringOptions options{.stiffness_n_per_m = 1000.0, .initial = Energy{1e-3}};
+  EXPECT_THROW((Passivated{Spring<6>{1.0}, options}), std::invalid_argument);
+  EXPECT_NO_THROW((Passivated{Spring<3>{1.0}, options}));
+  options.rotational_stiffness_n_m_per_rad = 1.0;
+  EXPECT_NO_THROW((Passivated{Spring<6>{1.0}, options}));
+}
+
 }  // namespace
 }  // namespace twoport
