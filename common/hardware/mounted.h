@@ -215,8 +215,9 @@ class MountedDevice final : public Device<N> {
     if (std::isfinite(share)) heat_ += std::min(dt_s / kHeat, 1.0) * (share - heat_);
   }
   Force<N> cooled(const Force<N>& f) noexcept {
-    const double norm = translation(f).norm();
-    const double most = continuous_n_ + (peak_n_ - continuous_n_) * std::clamp(5.0 * (1.0 - heat_), 0.0, 1.0);
+    const double norm = translation(f).norm(), cold = std::clamp(5.0 * (1.0 - heat_), 0.0, 1.0);
+    const double most =
+        std::isinf(peak_n_) ? continuous_n_ / (1.0 - cold) : continuous_n_ + cold * (peak_n_ - continuous_n_);
     return norm > most ? (most / norm) * f : f;
   }
   Force<N> within_peak(const Force<N>& f) const noexcept {

@@ -16,7 +16,7 @@ namespace twoport {
 //     shown     = passivity.limit(wish, in)        knows nothing of what the force means
 //     transparency.shown(...)                      what was displayed of it
 //
-// A layer is a folder; no layer includes another.
+// A layer is a folder; it may take the slave's half of another.
 
 // ---- master
 

@@ -332,6 +332,12 @@ TEST(Mounted, CoolsAMotorAtItsContinuousForce) {
   EXPECT_NEAR(std::sqrt(rig.script.command.squared_norm()), f_c, 0.05);  // after 100 s; f_c is approached, not reached
   for (int i = 0; i < 30000; ++i) rig.tick(force(0.0, 1.5, 0.0));
   EXPECT_DOUBLE_EQ(rig.script.command[1], 1.5);  // below f_c nothing is taken
+
+  Rig<3> without_peak{DeviceMount{}, {.name = "hot", .continuous_force_n = f_c}};
+  without_peak.tick(force(0.0, 0.0, 5.0));
+  EXPECT_EQ(without_peak.script.command[2], 5.0);
+  for (int i = 0; i < 100000; ++i) without_peak.tick(force(0.0, 0.0, 5.0));
+  EXPECT_NEAR(without_peak.script.command[2], f_c, 0.05);
 }
 
 TEST(Mounted, CarriesTheToolBesideTheForceAndBooksTheForceAlone) {
