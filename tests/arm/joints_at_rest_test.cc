@@ -97,8 +97,14 @@ TEST(JointLimits, HoldInARun) {
       const double f = row.slave_f[i], v = row.slave_v[i], q = row.slave_x.translation()[i];
       EXPECT_LE(std::abs(row.master_f[i]), device.effort[i] * (1 + 1e-12)) << i;
       EXPECT_LE(std::abs(f), robot.effort[i] * (1 + 1e-12)) << i;
-      if (std::abs(v) > robot.speed[i]) ++fast, EXPECT_LE(f * v, 0.0) << i;
-      if (q > robot.upper[i]) ++beyond, EXPECT_LE(f, 0.0) << i;
+      if (std::abs(v) > robot.speed[i]) {
+        ++fast;
+        EXPECT_LE(f * v, 0.0) << i;
+      }
+      if (q > robot.upper[i]) {
+        ++beyond;
+        EXPECT_LE(f, 0.0) << i;
+      }
     }
     return true;
   });
