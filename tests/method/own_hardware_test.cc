@@ -39,8 +39,9 @@ TEST(Motors, DisplayTheirPartOfTheForceWithinTheClaim) {
     EXPECT_GT(some.not_displayed_max_n_m(), 0.01) << passivity;
     EXPECT_EQ(some.not_displayed_max_n(), 0.0);
     EXPECT_FALSE(all.has_axes_without_motor());
-    if (std::string{passivity}.find("CLASSIC") == std::string::npos)
+    if (std::string{passivity}.find("CLASSIC") == std::string::npos) {
       EXPECT_GE(some.hand_min_energy_j(), -some.initial_energy_j() - 1e-9) << passivity;
+    }
   }
 }
 TEST(Motors, AreAxesOfTheDeviceEachOnce) {
