@@ -97,6 +97,7 @@ Row<N> without_figures(Row<N> row) {
   row.reference = {};
   row.ahead = {};
   row.coupling_energy_j = 0.0;
+  row.object = {};
   row.touching = row.coupled = row.following = false;
   return row;
 }

@@ -272,7 +272,11 @@ const std::map<std::string, std::string> kNeeds{
 /// What no override of the scene above sets alone: what it has another word for (method, dof), of another side, what a run is judged by,
 /// a file.
 constexpr const char* kSetWithOthers =
-    "control.device_limits.set_point_step_m\ncontrol.passivity.layer\ncontrol.schedule.passivity.layer\n"
+    "control.device_limits.joint_lower_rad\ncontrol.device_limits.joint_speed_rad_per_s\n"
+    "control.device_limits.joint_torque_n_m\ncontrol.device_limits.joint_upper_rad\n"
+    "control.device_limits.set_point_step_m\ncontrol.passivity.layer\ncontrol.robot_limits.joint_lower_rad\n"
+    "control.robot_limits.joint_speed_rad_per_s\ncontrol.robot_limits.joint_torque_n_m\n"
+    "control.robot_limits.joint_upper_rad\ncontrol.schedule.passivity.layer\n"
     "control.schedule.transparency.layer\ncontrol.transparency.layer\ncontrol.virtual_coupling.joint_damping\n"
     "control.virtual_coupling.joint_stiffness\ndof\nexpect.at_least.key\nexpect.at_least.value\n"
     "expect.at_most.key\nexpect.at_most.value\nexpect.of_method.method\nexpect.of_method.verdict\nto_master.trace_"
@@ -324,7 +328,7 @@ void give(const SchemaField& field, pb::Message& scene) {
     } else if (f->cpp_type() == pb::FieldDescriptor::CPPTYPE_BOOL) {
       r.SetBool(block, f, !f->default_value_bool());
     } else if (f->cpp_type() == pb::FieldDescriptor::CPPTYPE_INT32) {
-      r.SetInt32(block, f, f->default_value_int32() + 1);
+      f->is_repeated() ? r.AddInt32(block, f, 1) : r.SetInt32(block, f, f->default_value_int32() + 1);
     } else if (f->cpp_type() == pb::FieldDescriptor::CPPTYPE_UINT64) {
       r.SetUInt64(block, f, f->default_value_uint64() + 1);
     } else if (f->cpp_type() == pb::FieldDescriptor::CPPTYPE_ENUM) {

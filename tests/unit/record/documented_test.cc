@@ -51,6 +51,9 @@ TEST(Documented, IsEveryColumnOfATraceWithItsUnitAndNoOther) {
     columns.emplace(std::string{c.name} + (kNumber ? "" : "_i"),
                     std::string{c.unit} + (kNumber ? "" : ", ") + std::string{c.rotational_unit});
   });
+  for_each_column(Row<kJointPort>{}, [&]<class Value>(const Column& c, const Value&) {
+    if (!std::is_same_v<Value, double>) columns.emplace(std::string{c.name} + "_i", c.unit);  // of joints only
+  });
   EXPECT_EQ(documented("trace.csv"), columns);
 }
 
