@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -63,10 +64,10 @@ class TraceTable {
   void name_fields() {
     for_each_column(
         Row<N>{},
-        [&](const Column& c, const auto& value) {
+        [&]<class Value>(const Column& c, const Value& value) {
           fields_.push_back({.name = std::string{c.name},
                              .size = size_of(value),
-                             .vector = !c.rotational_unit.empty(),
+                             .vector = !std::is_same_v<Value, double>,
                              .unit = std::string{c.unit},
                              .rotational_unit = std::string{c.rotational_unit}});
           width_ += fields_.back().size;

@@ -273,7 +273,7 @@ TEST_F(Mujoco, RefusesModelsInWords) {
   expect("", "name a model");
   expect("nowhere.xml", "nowhere.xml: there is no such file; give the path of a model in MJCF or URDF");
   expect("/tmp", "there is no such file");
-  expect(model("<joint type='slide'"), "MuJoCo cannot read it: XML");
+  expect(model("<joint type='slide'"), " cannot read it: XML");
   expect(model("<joint type='slide'/>" + kSphere + ""), "move the tool in 1 directions; a scene with dof 3 needs 3");
   expect(model(kSlides + kSphere) + ",site=tip", "the model has no sites");
   expect(model(kSlides + kSphere + "<site name='a'/><site name='b'/>"), "the model has the sites a, b; add ,site=NAME");
@@ -283,7 +283,7 @@ TEST_F(Mujoco, RefusesModelsInWords) {
   expect(model(kSlides + kSphere, "<body><freejoint/><geom size='0.1'/></body>"),
          "several bodies that move; put a site on the tool");
   expect(model(kSlides + kSphere) + ",sites=tip",
-         "after the file stand ,site=NAME and ,key=NAME, each once and with a name");
+         "after the file stand ,site=NAME, ,key=NAME and ,actuators=off, each once and with a name");
   write_whole(
       own_folder() / "slow.xml",
       "<mujoco><option timestep='1'/><worldbody><body><freejoint/><geom size='0.1'/></body></worldbody></mujoco>");

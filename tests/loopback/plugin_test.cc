@@ -219,7 +219,7 @@ TEST(Plugin, ThatCannotBeLoadedIsRefusedInOneSentence) {
   EXPECT_THROW(open_robot<1>(kNone), ConfigError) << "its entry point returns nothing";
   EXPECT_EQ(why_not(kOld),
             "--device " + kOld +
-                ": is a plug-in of version 0, and this program loads versions 1 to 2; build it again with the "
+                ": is a plug-in of version 0, and this program loads versions 1 to 3; build it again with the "
                 "installed twoport");
   EXPECT_EQ(why_not(kOdd + ":refuses"), "--device " + kOdd + ":refuses: no power at the socket");
   EXPECT_EQ(why_not(kOdd + ":refuses_oddly"),
