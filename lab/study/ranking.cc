@@ -45,7 +45,8 @@ std::size_t least_error(const std::vector<Standing>& all, May may) {
 /// Of a best method that errs less than the default only because the default has drag: it shows a surface that it knows
 /// when the hand reaches it, a long round trip before the robot, and the measure compares with what the robot meets.
 std::string beside_the_default(const std::vector<Standing>& all, const Standing& best) {
-  const auto of_default = std::ranges::find(all, kDefaultMethod, &Standing::method);
+  const auto of_default =
+      std::find_if(all.begin(), all.end(), [name = kDefaultMethod](const Standing& s) { return s.method == name; });
   if (of_default == all.end()) return {};
   const Standing& d = *of_default;
   const double more = std::pow(d.error_n.mean, 2) - std::pow(best.error_n.mean, 2);
