@@ -40,7 +40,7 @@ struct NotDisplayed {
 /// Their numbers, "3, 4, 5"; empty: all axes have a motor.
 [[nodiscard]] inline std::string axes_without_motor(const ControlOptions& o) {
   std::string all;
-  for (int i = 0; i < 8; ++i)
+  for (int i = 0; i < kJointPort; ++i)
     if ((o.without_motor >> i & 1) != 0) all += (all.empty() ? "" : ", ") + std::to_string(i);
   return all;
 }

@@ -118,7 +118,8 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
     transparency_->shown(shown.f, shown.share, in);
     if (wish.bridge != nullptr) [[unlikely]]
       wish.f += wish.bridge->added();
-    wish.f += without_motor;
+    if (!motors_.all()) [[unlikely]]
+      wish.f += without_motor;
     return {.f = shown.f,
             .wanted = wish.f,
             .energy_in = shown.energy_in,
@@ -149,20 +150,7 @@ class MasterPair final : public Copyable<MasterPair<N, Transparency, Passivity>,
     device.v = motors_(device.v);
     Interval<N> interval = in.interval;
     interval.moved = motors_(interval.moved);
-    Shown<N> shown = passivity_->limit(wish, {.dt = in.dt,
-                                              .ended = in.ended,
-                                              .device = device,
-                                              .interval = interval,
-                                              .first = in.first,
-                                              .slave = in.slave,
-                                              .slave_energy_in = in.slave_energy_in,
-                                              .slave_energy_net = in.slave_energy_net,
-                                              .account = in.account,
-                                              .active = in.active,
-                                              .paused = in.paused,
-                                              .inertia = in.inertia,
-                                              .ramp = in.ramp,
-                                              .bridge = in.bridge});
+    Shown<N> shown = passivity_->limit(wish, in.of(device, interval));
     shown.f = motors_(shown.f);
     return shown;
   }

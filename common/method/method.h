@@ -43,6 +43,11 @@ struct MasterInput {
 
   /// Of the port, in the interval that has just ended; zero in the first tick.
   [[nodiscard]] Velocity<N> mean_velocity() const noexcept { return first ? Velocity<N>{} : interval.moved / ended; }
+  /// The same tick of another device that has made another motion.
+  [[nodiscard]] MasterInput of(const DeviceSample<N>& other, const Interval<N>& made) const noexcept {
+    return {dt,      ended,  other,  made,    first, slave, slave_energy_in, slave_energy_net,
+            account, active, paused, inertia, ramp,  bridge};
+  }
 };
 template <int N>
 struct MasterOutput {
