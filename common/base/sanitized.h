@@ -13,6 +13,13 @@
 #define TWOPORT_THREAD_SANITIZER
 #endif
 
+// All that a function calls becomes a part of it, but not under a sanitizer, where that takes minutes to compile.
+#if defined(TWOPORT_ADDRESS_SANITIZER) || defined(TWOPORT_THREAD_SANITIZER)
+#define TWOPORT_FLATTEN
+#else
+#define TWOPORT_FLATTEN [[gnu::flatten]]
+#endif
+
 namespace twoport {
 
 #ifdef TWOPORT_ADDRESS_SANITIZER

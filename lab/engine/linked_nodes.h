@@ -12,13 +12,6 @@
 #include "lab/engine/both_nodes.h"
 #include "lab/engine/simulation.h"
 
-// All of a tick in one function, but not under a sanitizer, where that takes minutes to compile.
-#if defined(TWOPORT_ADDRESS_SANITIZER) || defined(TWOPORT_THREAD_SANITIZER)
-#define TWOPORT_FLATTEN
-#else
-#define TWOPORT_FLATTEN [[gnu::flatten]]
-#endif
-
 namespace twoport::lab {
 
 /// The environment's force as old as the way back makes it: of the slave's tick from which the newest report comes that the

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "common/base/sanitized.h"
 #include "lab/lanes/internal_model.h"
 #include "lab/lanes/vector.h"
 
@@ -825,7 +826,7 @@ struct Loop {
 
 // Every call in it inlined: FORCE_PROJECTED is then 7 % faster.
 template <int N, Part kPart, LaneMethod kMethod>
-[[gnu::flatten]] static std::int64_t run_ticks(Batch& b, std::int64_t ticks) {
+TWOPORT_FLATTEN static std::int64_t run_ticks(Batch& b, std::int64_t ticks) {
   Loop<N, kPart, kMethod> loop{b};
   b.diverged = 0;
   for (std::int64_t i = 0; i < ticks; ++i) {

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/sanitized.h"
 #include "common/contact/environment.h"
 #include "common/scene/scene.h"
 #include "sim/plant/body_plant.h"
@@ -120,7 +121,7 @@ class Body {
     return slope(v, f, environment);
   }
   /// With all contacts, which are returned in `touched`.
-  [[gnu::flatten]] Slope slope(const Motion& m, const Vector& f, Contacts& touched) const noexcept {
+  TWOPORT_FLATTEN Slope slope(const Motion& m, const Vector& f, Contacts& touched) const noexcept {
     touched.clear();
     double friction = 0.0;
     Vector v = velocity(m), environment = Vector::Zero();
@@ -136,8 +137,8 @@ class Body {
   }
 
   /// A classical Runge-Kutta step of h from m, where the slope is a.
-  [[gnu::flatten]] Motion runge_kutta(const Motion& m, const Slope& a, const Vector& f, const Contacts* among,
-                                      double h) const noexcept {
+  TWOPORT_FLATTEN Motion runge_kutta(const Motion& m, const Slope& a, const Vector& f, const Contacts* among,
+                                     double h) const noexcept {
     Vector xa = position_rate(Vector::Zero(), a.v);
     Slope b = slope_among(moved(m, 0.5 * h * xa, 0.5 * h * a.p), f, among);
     Vector xb = position_rate(0.5 * h * xa, b.v);
