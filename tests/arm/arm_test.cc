@@ -247,7 +247,9 @@ TEST(Arm, JacobianIsTheDerivativeOfThePose) {
 // Fingers move the tool by nothing, and everything before them as one body.
 TEST(Fingers, LeaveTheToolWhereItIs) {
   const ArmParameters of = parameters("panda_gripper");
-  const Arm arm{of, {.mass_kg = 0.3, .center_m = Vector3d{0.01, 0.02, 0.05}}};
+  const double mass = 0.3;
+  const Vector3d center{0.01, 0.02, 0.05};
+  const Arm bare{of}, arm{of, {.mass_kg = mass, .center_m = center}};
   ASSERT_TRUE(arm.has_fingers());
   Draw draw{11};
   for (int run = 0; run < 20; ++run) {
@@ -263,6 +265,12 @@ TEST(Fingers, LeaveTheToolWhereItIs) {
     const Vector3d of_finger = now.origin[7] - q[7] * now.moment[7];
     EXPECT_NEAR((now.tool - of_finger).dot(now.moment[7]), 0.0, 1e-12);
     EXPECT_NEAR(arm.inertia(now)(7, 7), 0.515, 1e-12);
+    // What the tool adds is a mass at its centre.
+    const Vector3d c = now.tool_rotation * center;
+    Eigen::Matrix<double, 3, 8> of_center = J.topRows<3>();
+    for (int i = 0; i < 8; ++i) of_center.col(i) += Vector3d{J.block<3, 1>(3, i)}.cross(c);
+    EXPECT_LT((arm.inertia(now) - bare.inertia(now) - mass * of_center.transpose() * of_center).cwiseAbs().maxCoeff(),
+              kRounding);
   }
 }
 

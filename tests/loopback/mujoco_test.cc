@@ -156,12 +156,22 @@ TEST_F(Mujoco, DrivesPositionServosByTheSetPoint) {
   EXPECT_NEAR(free->truth()->x->translation().x(), 0.05, 1e-3);
   const auto held = open<3>(with_actuators(kServos, "<geom type='box' pos='0.06 0 0' size='0.01 0.1 0.1'/>"));
   EXPECT_NEAR(pulled(*held, 0.05).f_environment[0], 10.0, 1.5);  // the wall is at 30 mm
+  // Controls in other units, from another zero.
+  const auto scaled =
+      open<3>(with_actuators("<general joint='x' gainprm='5' biastype='affine' biasprm='20 -5000'/>"
+                             "<position joint='y' kp='5000'/><position joint='z' kp='5000'/>"));
+  pulled(*scaled, 0.05);
+  EXPECT_NEAR(scaled->truth()->x->translation().x(), 0.05, 1e-3);
 }
 TEST_F(Mujoco, LetsActuatorsGo) {
   const auto robot = open<3>(with_actuators(kServos) + ",actuators=off");
   EXPECT_NEAR(pulled(*robot, 0.05).x.translation().x(), 0.05, 1e-3);
   EXPECT_FALSE(robot->truth()->x.has_value());
   EXPECT_THROW(open<3>(with_actuators(kServos) + ",actuators=on"), ConfigError);
+  // A keyframe's controls are let go too.
+  const std::string key = "<keyframe><key name='on' ctrl='0.1 0 0'/></keyframe>";
+  const auto at_key = open<3>(with_actuators(kServos, "", key) + ",key=on,actuators=off");
+  EXPECT_NEAR(pulled(*at_key, 0.05).x.translation().x(), 0.05, 1e-3);
 }
 TEST_F(Mujoco, RefusesWhatHoldsTheToolAndIsNoServo) {
   EXPECT_THROW(open<3>(with_actuators("<velocity joint='y' kv='50'/>")), ConfigError);
@@ -175,6 +185,12 @@ TEST_F(Mujoco, MovesAMocapBodyThatIsWeldedToTheTool) {
                                             "<equality><weld body1='goal' body2='hand' solref='0.01 1'/></equality>"));
   pulled(*robot, 0.05);
   EXPECT_NEAR(robot->truth()->x->translation().x(), 0.05, 2e-3);
+  // One that is held beside the tool, and turned.
+  const auto beside =
+      open<3>(with_actuators("", "<body name='goal' mocap='true' pos='0.02 0.1 0.2' quat='0.8 0 0 0.6'/>",
+                             "<equality><weld body1='goal' body2='hand' solref='0.01 1'/></equality>"));
+  pulled(*beside, 0.05);
+  EXPECT_LT((beside->truth()->x->translation() - Eigen::Vector3d{0.05, 0.0, 0.0}).norm(), 2e-3);
 }
 /// Position and velocity belong together at any rate and step.
 TEST_F(Mujoco, FollowsTheClockAtAnyRateAndStep) {

@@ -151,6 +151,18 @@ TEST(ReadMesh, ReadsEverySolidOfAnAsciiStl) {
   }
 }
 
+/// Around the edge that they share each begins within the other: only their names tell them apart.
+TEST(ReadMesh, KeepsSolidsApartThatPierceEachOther) {
+  TriangleMesh one, other;
+  append(one, box_mesh({0.1, 0.2, 0.3}), {0.1, 0.2, 0.3});  // an edge on the z axis
+  other = one;
+  for (Vector3d& v : other.vertices) v = {0.6 * v.x() - 0.8 * v.y(), 0.8 * v.x() + 0.6 * v.y(), v.z()};
+  const TriangleMesh mesh = parse_mesh(ascii_stl(one) + ascii_stl(other), "parts");
+  EXPECT_TRUE(faults_of(mesh).none());
+  ASSERT_EQ(shells_of(mesh).size(), 2U);
+  for (const TriangleMesh& shell : shells_of(mesh)) EXPECT_NEAR(volume_m3(shell), 0.048, 1e-12);
+}
+
 /// Patches of one surface that have names of their own, as flow solvers write them.
 TEST(ReadMesh, JoinsASurfaceOfSeveralSolids) {
   const Prism prism{12, 0.1, 0.3};
@@ -206,6 +218,22 @@ TEST(ReadMesh, KeepsPartsApartThatTouch) {
       EXPECT_EQ(shells_of(mesh).size(), 2U) << off.transpose();
       for (const TriangleMesh& shell : shells_of(mesh)) EXPECT_NEAR(volume_m3(shell), 0.048, 1e-7);
     }
+  }
+}
+
+/// They share an edge, whatever its faces' directions.
+TEST(ReadMesh, KeepsAPartApartThatLiesWithinAnother) {
+  TriangleMesh two;
+  append(two, box_mesh({0.1, 0.2, 0.3}), {0.1, 0.2, 0.3});  // an edge on the z axis
+  TriangleMesh within = two;
+  for (Vector3d& v : within.vertices) v = {0.5 * v.x() + 0.2 * v.y(), 0.2 * v.x() + 0.5 * v.y(), v.z()};
+  append(two, within, Vector3d::Zero());
+  for (int turn = 0; turn < 8; ++turn) {
+    const TriangleMesh mesh = parse_mesh(obj(exploded(two)), "parts");
+    EXPECT_TRUE(faults_of(mesh).none()) << turn;
+    EXPECT_EQ(shells_of(mesh).size(), 2U) << turn;
+    EXPECT_NEAR(volume_m3(mesh), 1.21 * 0.048, 1e-12) << turn;
+    for (Vector3d& v : two.vertices) v = Vector3d{0.6 * v.x() - 0.8 * v.y(), 0.8 * v.x() + 0.6 * v.y(), v.z()};
   }
 }
 

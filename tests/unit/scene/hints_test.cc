@@ -66,6 +66,16 @@ TEST(Hints, NameANumberThatIsAThousandTimesOff) {
             "control.device_limits.force_n is 0.008; forces are in newtons, and 0.008 kN are 8");
   EXPECT_EQ(said({"control.robot_limits.speed_m_per_s=250"}),
             "control.robot_limits.speed_m_per_s is 250; speeds are in m/s, and 250 mm/s are 0.25");
+  EXPECT_EQ(said({"operator.hand.mass_kg=90"}),
+            "operator.hand.mass_kg is 90; masses are in kilograms, and 90 g are 0.09");
+  EXPECT_EQ(said({"control.device_limits.speed_m_per_s=500"}),
+            "control.device_limits.speed_m_per_s is 500; speeds are in m/s, and 500 mm/s are 0.5");
+  EXPECT_EQ(said({"control.robot_limits.force_n=9000"}),
+            "control.robot_limits.force_n is 9000; forces are in newtons, and 9000 mN are 9");
+  EXPECT_EQ(hints(scene_of("dof: 6 duration_s: 1 operator {} device { mass_kg: 0.1 inertia_kg_m2: 0.1 } robot { "
+                           "mass_kg: 1 inertia_kg_m2: 60 }"))
+                .at(0),
+            "robot.inertia_kg_m2 is 60; inertias are in kg m², and 60 g m² are 0.06");
   for (const char* usual : {"device.mass_kg=0.01", "device.mass_kg=5", "robot.mass_kg=0.05", "robot.mass_kg=80",
                             "environment[0].wall.stiffness_n_per_m=50", "environment[0].wall.stiffness_n_per_m=1e6",
                             "environment[0]={spring { stiffness_n_per_m: 0.5 }}", "control.robot_limits.force_n=500",
