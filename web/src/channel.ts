@@ -52,6 +52,8 @@ export interface Introduction {
   device: string;
   pointer: boolean;
   home_m: Vec; // where the handle began
+  robot_home_m: Vec; // where a simulated robot began
+  without_motor: number[]; // axes of the device that display no force
   grip_n_per_m: number;
   grip_limits_n_per_m: [number, number];
   motion_scale: number;
@@ -70,6 +72,7 @@ export interface Introduction {
   tool_parts: Element[];
   arm: Arm | null; // of the robot
   leader: Arm | null; // whose tool the hand holds
+  object_half_size_m: Vec | null; // of the box that the robot's fingers may take
   gripper_m: number | null; // where the gripper of the handle starts; null: none
   fields: [string, number][];
 }

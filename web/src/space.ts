@@ -113,6 +113,7 @@ export class Space {
   private readonly tool = new Group();
   private readonly hand = new Group();
   private readonly fingers: Mesh[] = [];
+  private object: Object3D | null = null;
   private handOld = false;
   private readonly arms: { parts: ArmParts; of: 'leader' | 'robot' }[] = [];
   private readonly leader: MeshLambertMaterial;
@@ -149,6 +150,11 @@ export class Space {
     this.floor.visible = this.arms.length > 0;
     this.world.add(this.floor, this.tool, this.hand);
     this.addTool(scene);
+    if (scene.object_half_size_m) {
+      const material = new MeshLambertMaterial({ color: colour('--third') });
+      this.object = shapeOf({ kind: 'box', center_m: [0, 0, 0], half_size_m: scene.object_half_size_m }, material, colour('--text'))!;
+      this.world.add(this.object);
+    }
   }
   dispose(): void {
     this.renderer.dispose();
@@ -256,6 +262,7 @@ export class Space {
   private pose(s: Shown): void {
     this.tool.position.copy(v3(s.robot));
     this.tool.quaternion.copy(quaternion(s.robotAttitude));
+    this.object?.position.copy(v3(s.object));
     this.hand.position.copy(v3(s.hand));
     this.hand.quaternion.copy(quaternion(s.handAttitude));
     this.robot.color.set(colour(s.robotOld ? '--muted' : '--robot'));
