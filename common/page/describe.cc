@@ -109,7 +109,7 @@ Json arm(const ArmSpec& spec, const ShownArm& shown) {
   const ArmParameters& p = *spec.parameters;
   const auto joint = [](const ArmJoint& j) {
     return object("origin_m", j.origin_m, "attitude", Eigen::Quaterniond{j.rotation}, "slides",
-                  j.type == JointType::prismatic)
+                  j.type == JointType::prismatic, "mirrored", j.mirrored)
         .text;
   };
   return object("joints", list(p.joints, joint), "flange_m", p.flange_m, "links",

@@ -153,6 +153,7 @@ TEST(PageOfTwoArms, ShowsTheObjectThatTheFingersTake) {
   const std::string text = describe_for_page(rig.scene, {.device = "d", .methods = {}});
   EXPECT_NE(text.find(R"("object_half_size_m":[0.02,0.03,0.03])"), text.npos) << text;
   EXPECT_NE(text.find(R"(["object_x_m",3])"), text.npos) << text;
+  EXPECT_NE(text.find(R"("slides":true,"mirrored":true)"), text.npos) << "two fingers";
   const DeviceSample<N> leader = rig.run(1, nullptr);
   const PageSample::Vector starts{0.0, 0.0, -0.1204};
   EXPECT_EQ(rig.shown(leader, {}, {}).object_x_m, starts);

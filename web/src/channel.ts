@@ -24,9 +24,9 @@ export interface Element {
   vertices_m?: number[]; // of a mesh: x, y, z of each, in the axes of what it is a part of
   triangles?: number[]; // three vertices each
 }
-/** A serial arm: each joint turns about the z axis of its frame. */
+/** A serial arm: each joint turns about the z axis of its frame, or slides along it; a mirrored one is two fingers, to both sides of the tool. */
 export interface Arm {
-  joints: { origin_m: Vec; attitude: [number, number, number, number]; slides: boolean }[];
+  joints: { origin_m: Vec; attitude: [number, number, number, number]; slides: boolean; mirrored: boolean }[];
   flange_m: Vec;
   links: Element[] | null; // meshes of the base and of the link behind each joint, in its axes; empty, or without triangles: not known; null: the robot's
   left_out: string[]; // what of them could not be read, in sentences
