@@ -280,10 +280,10 @@ namespace {
 constexpr std::uint8_t kVarint = 0, kFixed64 = 1, kBytes = 2, kFixed32 = 5, kNone = 0xff;  // wire types
 
 /// By field number, as in proto/report.proto.
-constexpr std::array<std::uint8_t, 29> kTypes = {
+constexpr std::array<std::uint8_t, 30> kTypes = {
     kNone,   kFixed32, kFixed64, kFixed64, kFixed64, kFixed64, kFixed64, kVarint,  kBytes, kFixed64,
     kVarint, kFixed64, kFixed64, kBytes,   kVarint,  kBytes,   kFixed32, kVarint,  kBytes, kBytes,
-    kBytes,  kFixed32, kVarint,  kVarint,  kBytes,   kFixed64, kVarint,  kFixed64, kBytes};
+    kBytes,  kFixed32, kVarint,  kVarint,  kBytes,   kFixed64, kVarint,  kFixed64, kBytes, kBytes};
 constexpr std::uint32_t kVersion = 1, kSession = 2, kPeerSession = 3, kRefusal = 13;
 
 }  // namespace

@@ -29,7 +29,7 @@ await run(async () => {
   await down(0.12);
   await pause(2000);
   const box = await page.locator('#picture').boundingBox(), x = box.x + 0.45 * box.width, y = box.y + 0.5 * box.height + 0.12 * scale;
-  await page.mouse.move(x + 0.03 * scale, y, { steps: 20 });
+  await page.mouse.move(x + 0.06 * scale, y, { steps: 20 });
   await pause(4000);
   const [download] = await Promise.all([page.waitForEvent('download'), page.locator('#record').evaluate((b) => b.click())]);
   const after = await drawn();

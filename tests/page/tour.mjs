@@ -20,11 +20,11 @@ await run(async () => {
     await click(button);
     await pause(200);
     await until('hand and robot have gone back', async () => !(await text('tour-text')).startsWith('Hand and robot go back'), 30000);
+    await until('they are where they began', async () => (await fromHome()) < 5, 8000);
     const chosen = await page.locator('#method').evaluate((m) => m.selectedOptions[0].text), is = [await page.locator('#to_slave-delay_ms').inputValue(), await fromHome(), await there('stiffness')];
     console.log(`${await text('tour-step')} ${chosen}, ${is[0]} ms, ${before.toFixed(0)} -> ${is[1].toFixed(1)} mm from the beginning in ${((Date.now() - began) / 1000).toFixed(1)} s`);
     if (!chosen.startsWith(method)) throw new Error(`it begins with ${chosen}`);
     if (is[0] !== String(delay_ms)) throw new Error(`it begins with ${is[0]} ms`);
-    if (!(is[1] < 5)) throw new Error(`it begins ${is[1]} mm from the beginning`);
     if (is[2] !== wall) throw new Error(`it begins with ${is[2]} N/m`);
     await until('the handle is let go', async () => (await text('held')) === 'handle free', 5000);
   };
@@ -71,17 +71,24 @@ await run(async () => {
       await until('hand and robot are in the picture', async () => (await page.locator('#picture').getAttribute('data-in-view')) === 'true', 3000);
       await pause(100);
     }
+    if (table) await begins('tour-next', 60, 'NONE'); // arms that fly off come back by a restart only
   });
-  if (!table && !((await fromHome()) > 20)) throw new Error('without control a robot that is let go stays where it was');
-
-  await begins('tour-next', 60, 'NONE');
+  if (!table) {
+    if (!((await fromHome()) > 20)) throw new Error('without control a robot that is let go stays where it was');
+    await begins('tour-next', 60, 'NONE');
+  }
   await begins('tour-do', 60, first);
   await press(0.045);
   await done(4);
   console.log(`the cure: ${await verdict()}, ${await text('budget-left')}`);
 
   await begins('tour-next', 60, first);
-  for (let i = 0; i < 3; ++i) {
+  for (let i = 0; i < 6 && !(await text('tour-step')).includes('✓'); ++i) {
+    if (table) { // arms that are thrown back drift
+      await click('home');
+      await until('hand and robot are home', async () => (await fromHome()) < 5, 20000);
+      await free();
+    }
     const pressing = await press(0.045), after = await gauge();
     console.log(`pressed and let go: ${pressing.toFixed(0)} -> ${after.toFixed(0)} pixels; ${await text('budget-left')}`);
     if (!table && !(after < pressing)) throw new Error('the gauge does not show what the hand gets back');
@@ -91,6 +98,6 @@ await run(async () => {
   await click('tour-next');
   if (await page.locator('#tour').isVisible()) throw new Error('the tour has not ended');
   await page.locator('#home').click();
+  await until('hand and robot are home', async () => (await fromHome()) < 5, 20000);
   await free();
-  if (!((await fromHome()) < 5)) throw new Error(`home is ${await fromHome()} mm from the beginning`);
 });

@@ -173,7 +173,8 @@ TEST(PageOfTwoArms, ShowsTheObjectThatTheFingersTake) {
 }
 
 TEST(PageIntroduction, NamesTheAxesWithoutAMotorAndWhereBothSidesBegin) {
-  const Scene scene = load_scene(TWOPORT_SCENES "/assembly.textproto", {"device.motors=[0, 1, 2]"}, SceneFor::live);
+  const Scene scene = load_scene(TWOPORT_SCENES "/assembly.textproto",
+                                 std::vector<std::string>{"device.motors=[0, 1, 2]"}, SceneFor::live);
   const std::string text = describe_for_page(scene, {.device = "d", .methods = {}});
   EXPECT_NE(text.find(R"("home_m":[0,0,0.03],"robot_home_m":[0.0015,-0.001,0.03],"without_motor":[3,4,5])"), text.npos)
       << text;

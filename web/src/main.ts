@@ -14,8 +14,10 @@ const OLD_MS = 300; // a value of this age looks old
 const LIMIT_SHOWN_MS = 1000;
 const HOME_M_PER_S = 0.12; // and faster where it is far:
 const HOME_S = 1.5;
-const HOME_PATIENCE_S = 1.5;
-const AT_HOME_M = 0.002, AT_HOME_RAD = 0.02;
+const HOME_PATIENCE_S = 1.5, HOME_REST_S = 0.5;
+const HOME_AIMS = 3; // tools of two arms do not move alike, and something may keep the robot away
+const FAR_M = 0.1;
+const AT_HOME_M = 0.002, AT_HOME_RAD = 0.02, AT_REST_M_PER_S = 0.002;
 const SETTLE_PATIENCE_S = 4;
 const PLOT_EVERY = 4; // samples
 const REACH_M = 0.5;
@@ -55,6 +57,7 @@ class Page {
   private homeTo: Vec = [0, 0, 0]; // of the target
   private homeAt_m_per_s = 0;
   private homeFor_s = 0; // the target has been there, or the handle is taken
+  private aims = 0;
   private settling: { delay_ms: number; method: number; for_s: number; stage: 'home' | 'rest' | 'set' } | null = null;
 
   private held = false;
@@ -366,6 +369,12 @@ class Page {
     this.homeAt_m_per_s = Math.max(HOME_M_PER_S, Math.hypot(...m) / HOME_S);
     this.homeFor_s = 0;
   }
+  private aimRobotHome(): void {
+    const { first, scene } = this, share = scene!.motion_scale * first!.number('motion');
+    const behind = scene!.linked ? first!.vector('behind_m') : [0, 0, 0];
+    this.aims += 1;
+    this.homeBy(this.robotFromHome().map((x, i) => (behind[i]! - x) / share) as Vec, first!.turnBack());
+  }
   private stepHome(passed_s: number): void {
     const scene = this.scene!, first = this.first!;
     if (this.homing === 'taking') {
@@ -373,16 +382,17 @@ class Page {
       this.homeFor_s += passed_s;
       if (scene.linked && !this.coupled && this.homeFor_s < HOME_PATIENCE_S) return;
       this.homing = 'robot';
-      const share = scene.motion_scale * first.number('motion');
-      const behind = scene.linked ? first.vector('behind_m') : [0, 0, 0];
-      return this.homeBy(this.robotFromHome().map((x, i) => (behind[i]! - x) / share) as Vec, first.turnBack());
+      this.aims = 0;
+      return this.aimRobotHome();
     }
     const left = this.homeTo.map((x, i) => x - this.target[i]!) as Vec, far = Math.hypot(...left), step = this.homeAt_m_per_s * passed_s;
     this.target = far <= step ? [...this.homeTo] : (this.target.map((x, i) => x + (left[i]! * step) / far) as Vec);
     this.homeFor_s = far <= step ? this.homeFor_s + passed_s : 0;
-    const off = this.homing === 'robot' ? this.robotFromHome() : this.handleFromHome();
-    // Something may keep the robot, or the hand, away.
-    if (far > step || (this.homeFor_s < HOME_PATIENCE_S && Math.hypot(...off) > AT_HOME_M)) return;
+    if (far > step) return;
+    const ofRobot = this.homing === 'robot', off = Math.hypot(...(ofRobot ? this.robotFromHome() : this.handleFromHome()));
+    const moves = Math.max(...['hand_v_m_per_s', 'robot_v_m_per_s'].map((v) => Math.hypot(...first.vector(v)))), there = off < AT_HOME_M && moves < AT_REST_M_PER_S;
+    if (!there && this.homeFor_s < HOME_REST_S + 1e-3 * Math.max(0, first.number('round_trip_ms'))) return;
+    if (!there && ofRobot && this.aims < HOME_AIMS) return this.aimRobotHome();
     if (this.homing === 'robot' && scene.linked && !scene.leader && this.handleIsOff()) {
       this.homing = 'handle';
       this.clutch(true);
@@ -421,6 +431,9 @@ class Page {
     if (this.homing) return;
     if (s.stage === 'home') {
       s.stage = 'rest';
+      // Tools of two arms are far from alike there.
+      const { leader, restarts } = this.scene!;
+      if (leader && restarts && Math.hypot(...this.robotFromHome(), ...this.handleFromHome()) > FAR_M) return this.channel.send('restart');
       if (this.coupled || this.handleIsOff() || Math.hypot(...this.robotFromHome()) > AT_HOME_M) return this.goHome();
     }
     s.for_s += passed_s;
