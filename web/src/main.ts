@@ -15,7 +15,7 @@ const LIMIT_SHOWN_MS = 1000;
 const HOME_M_PER_S = 0.12; // and faster where it is far:
 const HOME_S = 1.5;
 const HOME_PATIENCE_S = 1.5, HOME_REST_S = 0.5;
-const HOME_AIMS = 3; // tools of two arms do not move alike, and something may keep the robot away
+const HOME_AIMS = 6; // tools of two arms do not move alike, and something may keep the robot away
 const FAR_M = 0.1;
 const AT_HOME_M = 0.002, AT_HOME_RAD = 0.02, AT_REST_M_PER_S = 0.002;
 const SETTLE_PATIENCE_S = 4;
