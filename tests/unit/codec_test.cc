@@ -475,7 +475,9 @@ TYPED_TEST(CodecOf, CarriesWhatIsSaidOfTheEnvironment) {
   ASSERT_EQ(got.environment.joints, 6);
   EXPECT_EQ(got.environment.joint_rad, sent.environment.joint_rad);
   EXPECT_EQ(got.environment.has_object, N == kJointPort);
-  if (N == kJointPort) EXPECT_EQ(got.environment.object_m, sent.environment.object_m);
+  if (N == kJointPort) {
+    EXPECT_EQ(got.environment.object_m, sent.environment.object_m);
+  }
   expect_same(got.report, sent.report);
   // Without one the packet says so, whatever came before.
   ASSERT_EQ(codec.decode(without, got), Decoded::ok);
