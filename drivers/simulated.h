@@ -98,6 +98,7 @@ class SimulatedRobot : public Robot<N>, public AdjustableEnvironment {
   SimulatedRobot(const Scene& scene, Seconds period)
       : model_{scene, period},
         surfaces_{std::min(model_.environment().world().surfaces.size(), kAdjustableSurfaces)},
+        has_object_{scene.object.has_value()},
         ramp_ticks_{std::max(1L, std::lround(kEnvironmentRamp / period.si()))} {
     for (std::size_t i = 0; i < surfaces_; ++i) to_[i] = surface(i);
     if constexpr (built_for(1))
@@ -153,6 +154,10 @@ class SimulatedRobot : public Robot<N>, public AdjustableEnvironment {
         std::copy(q.begin(), q.end(), state.joint_rad.begin());
       }
     }
+    if constexpr (N == kJointPort) {
+      state.has_object = has_object_;
+      std::ranges::copy(model_.object(), state.object_m.begin());
+    }
   }
 
  private:
@@ -177,6 +182,7 @@ class SimulatedRobot : public Robot<N>, public AdjustableEnvironment {
 
   sim::SimRobot<N> model_;
   std::size_t surfaces_;                                                        ///< that can be changed
+  bool has_object_;                                                             ///< for the fingers of the arm
   std::array<EnvironmentMessage::Surface, kAdjustableSurfaces> from_{}, to_{};  ///< of the ramp
   long ramp_ticks_, ramp_left_ = 0;
   Energy changes_;  ///< work of all changes

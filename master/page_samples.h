@@ -57,6 +57,7 @@ class PageSamples {
     tools_.emplace(scene);
     std::ranges::copy(scene.device->arm->joint_position_rad, next_.leader_rad.begin());
     std::ranges::copy(scene.robot->arm->joint_position_rad, next_.joint_rad.begin());
+    if (scene.object) std::ranges::copy(scene.object->position_m, next_.object_x_m.begin());
   }
 
   /// Calls apply(command) for each command that has arrived: network, surface, method.
@@ -96,6 +97,7 @@ class PageSamples {
     environment_ = e;
     next_.robot_port_j = registration.to_master(Energy{e.link_energy_j}).si();
     if constexpr (N != kJointPort) next_.joint_rad = e.joint_rad;
+    if (e.has_object) next_.object_x_m = e.object_m;
   }
 
   /// Of every tick. `peer`: null without a link. `from_slave`: packets. `epoch`: of the method.

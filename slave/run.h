@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <string>
 
@@ -131,7 +132,14 @@ struct Slave : SlaveRows<N> {
       answer_about_environment();
   }
   Row<N> row(std::int64_t, double t_s, const Sample& sample, const Output& out) noexcept {
-    return SlaveRows<N>::row(t_s, sample, out, link.mail().known());
+    Row<N> row = SlaveRows<N>::row(t_s, sample, out, link.mail().known());
+    if constexpr (N == kJointPort)
+      if (environment != nullptr) {
+        EnvironmentMessage state;
+        environment->describe(state);
+        std::ranges::copy(state.object_m, row.object.x.begin());
+      }
+    return row;
   }
   void fill(Summary& s, bool) {
     link.fill(s, this->node.mode());

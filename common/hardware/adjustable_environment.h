@@ -13,7 +13,7 @@ class AdjustableEnvironment {
  public:
   /// Begins to change the first `count` surfaces. False, and nothing is changed, where a value is out of range.
   virtual bool adjust(const EnvironmentMessage& request) noexcept = 0;
-  /// Fills the answer, the surfaces as they are now, and the joints of an arm.
+  /// Fills the answer, the surfaces as they are now, the joints of an arm, and the object that its fingers may take.
   virtual void describe(EnvironmentMessage& state) const noexcept = 0;
 
  protected:

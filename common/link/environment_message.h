@@ -50,11 +50,14 @@ struct EnvironmentMessage {
   double link_energy_j = 0.0;  ///< from the slave: net energy that has entered the link at the robot
   std::uint8_t joints = 0;     ///< from the slave: of the robot's arm
   std::array<double, kMostJoints> joint_rad{};
+  bool has_object = false;           ///< from the slave: there is a box that the robot's fingers may take
+  std::array<double, 3> object_m{};  ///< its centre, in the axes of the environment
 
   [[nodiscard]] bool finite() const noexcept {
     const auto is_finite = [](double x) { return std::isfinite(x); };
     return std::isfinite(energy_j) && std::isfinite(link_energy_j) &&
            std::all_of(joint_rad.begin(), joint_rad.begin() + joints, is_finite) &&
+           std::all_of(object_m.begin(), object_m.end(), is_finite) &&
            std::all_of(surface.begin(), surface.begin() + count, [](const Surface& s) {
              return std::isfinite(s.stiffness_n_per_m) && std::isfinite(s.friction);
            });

@@ -65,6 +65,7 @@ struct PageSample {
   std::array<double, kMostJoints> leader_rad{};
   std::array<double, kMostJoints> leader_torque{};    ///< that the leader's motors display, against the hand
   std::array<double, kMostJoints> follower_torque{};  ///< of the follower on the environment, as measured
+  Vector object_x_m{};                                ///< centre of the box that its fingers may take
 };
 
 /// Calls see(name, size, field) for each field in order: the layout of a sample on the wire, doubles of this machine's
@@ -126,6 +127,7 @@ void for_each_page_field(Sample& s, See&& see, bool joints = false) {
   vector("leader_rad", s.leader_rad);
   vector("leader_torque", s.leader_torque);
   vector("follower_torque", s.follower_torque);
+  vector("object_x_m", s.object_x_m);
 }
 
 /// A command of the page: finite numbers within their limits.

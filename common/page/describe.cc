@@ -109,7 +109,7 @@ Json arm(const ArmSpec& spec, const ShownArm& shown) {
   const ArmParameters& p = *spec.parameters;
   const auto joint = [](const ArmJoint& j) {
     return object("origin_m", j.origin_m, "attitude", Eigen::Quaterniond{j.rotation}, "slides",
-                  j.type == JointType::prismatic)
+                  j.type == JointType::prismatic, "mirrored", j.mirrored)
         .text;
   };
   return object("joints", list(p.joints, joint), "flange_m", p.flange_m, "links",
@@ -152,6 +152,10 @@ std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
   std::array<std::string_view, kEnvironmentAnswers> answers;
   for (std::size_t a = 0; a < answers.size(); ++a) answers[a] = sentence(static_cast<EnvironmentAnswer>(a));
   const Eigen::Vector3d home = s.device ? vector<3>(s.device->position_m) : Eigen::Vector3d::Zero().eval();
+  const Eigen::Vector3d robot_home = s.robot ? vector<3>(s.robot->position_m) : Eigen::Vector3d::Zero().eval();
+  std::vector<int> without_motor;
+  for (int axis = 0; axis < 8; ++axis)
+    if ((s.control.without_motor >> axis & 1) != 0) without_motor.push_back(axis);
   const ShownShapes shown = i.world ? *i.world : shown_shapes(s);
   const auto of_scene = [&](const Json& all) { return i.world ? Json{"[]"} : all; };
   const auto figure = [](const LayerFigure& f) {
@@ -161,18 +165,20 @@ std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
   return object("scene", s.name, "dof", joints ? 6 : s.dof, "joints", s.joints, "rate_hz", s.master_rate_hz,
                 "architecture", to_string(s.control.architecture), "method", s.control.method_name, "methods",
                 i.methods, "plain_method", kPlainMethod, "initial_energies_j", initial_energies_j(s), "device",
-                i.device, "pointer", i.has_pointer, "home_m", home, "restarts", i.restarts, "grip_n_per_m",
-                i.grip_n_per_m, "grip_limits_n_per_m", std::array{kPageGripLeast, kPageGripMost}, "max_force_n",
-                s.control.max_force_n, "motion_scale", joints ? 1.0 : s.control.motion_scale, "force_scale",
-                s.control.force_scale, "limits", kLimitNames, "linked", s.control.architecture != Architecture::render,
-                "to_slave", network(s.to_slave), "to_master", network(s.to_master), "network_limits",
-                network(kPageDelayMs, kPageJitterMs, kPageLoss), "environment", of_scene(list(s.environment, element)),
-                "meshes", list(shown.meshes, part<TriangleMesh>), "environment_answers", answers, "surface_limits",
+                i.device, "pointer", i.has_pointer, "home_m", home, "robot_home_m", robot_home, "without_motor",
+                without_motor, "restarts", i.restarts, "grip_n_per_m", i.grip_n_per_m, "grip_limits_n_per_m",
+                std::array{kPageGripLeast, kPageGripMost}, "max_force_n", s.control.max_force_n, "motion_scale",
+                joints ? 1.0 : s.control.motion_scale, "force_scale", s.control.force_scale, "limits", kLimitNames,
+                "linked", s.control.architecture != Architecture::render, "to_slave", network(s.to_slave), "to_master",
+                network(s.to_master), "network_limits", network(kPageDelayMs, kPageJitterMs, kPageLoss), "environment",
+                of_scene(list(s.environment, element)), "meshes", list(shown.meshes, part<TriangleMesh>),
+                "environment_answers", answers, "surface_limits",
                 object("stiffness_n_per_m", kSurfaceStiffnessMost, "friction", kSurfaceFrictionMost), "layer_figures",
                 list(kLayerFigures, figure), "tool", of_scene({json(s.tool)}), "tool_parts",
                 list(shown.tool_parts, any_part), "tool_alone", shown.tool_alone, "arm",
                 i.world || !s.robot || !s.robot->arm ? Json{"null"} : arm(*s.robot->arm, shown_arm(s)), "leader",
-                joints ? arm(*s.device->arm, shown_arm(s, true)) : Json{"null"}, "gripper_m", gripper, "fields", layout)
+                joints ? arm(*s.device->arm, shown_arm(s, true)) : Json{"null"}, "object_half_size_m",
+                s.object ? Json{json(s.object->half_size_m)} : Json{"null"}, "gripper_m", gripper, "fields", layout)
       .text;
 }
 

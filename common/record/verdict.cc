@@ -339,7 +339,7 @@ class Judge {
     return fmt::format("{:.3g} mm/s rms", 1e3 * translation);
   }
   std::string paid_so_far() const {
-    return fmt::format(": port energy at last {:.4g} J and falling", tail_.initial_energy_j + port_.last);
+    return fmt::format(": port energy falls below {:.4g} J", tail_.initial_energy_j + port_.last);
   }
 
   const Tail& tail_;

@@ -103,6 +103,11 @@ bool read_gripper(const schema::Datagram& message, const Report<N>& shared, Repo
   return read(message.gripper_words(), message.gripper_running_totals(), kMostWords<1>, r.words) && r.finite();
 }
 
+/// An object is there only where the ports are joints.
+template <int N>
+constexpr int kObjectSize = N == kJointPort ? 3 : 0;
+
+template <int N>
 void write_environment(schema::Datagram& message, const EnvironmentMessage& e) {
   message.set_environment_number(e.number);
   message.set_environment_answer(static_cast<std::uint32_t>(e.answer));
@@ -110,19 +115,24 @@ void write_environment(schema::Datagram& message, const EnvironmentMessage& e) {
   message.set_link_energy_j(e.link_energy_j);
   if (e.joints > 0)
     std::copy_n(e.joint_rad.begin(), e.joints, message.mutable_joint_rad()->AddNAlreadyReserved(e.joints));
+  if constexpr (N == kJointPort)
+    if (e.has_object)
+      std::copy_n(e.object_m.begin(), kObjectSize<N>, message.mutable_object_m()->AddNAlreadyReserved(kObjectSize<N>));
   if (e.count == 0) return;
   double* to = message.mutable_environment()->AddNAlreadyReserved(2 * e.count);
   for (std::size_t i = 0; i < e.count; ++i) *to++ = e.surface[i].stiffness_n_per_m, *to++ = e.surface[i].friction;
 }
 
 /// False if it is invalid: something is said of the environment without a number, or numbers that are none.
+template <int N>
 bool read_environment(const schema::Datagram& message, EnvironmentMessage& e) {
   e = {};
   const int size = message.environment_size();
   if (message.environment_number() == 0)
     return size == 0 && message.environment_answer() == 0 && message.environment_energy_j() == 0.0 &&
-           message.link_energy_j() == 0.0 && message.joint_rad_size() == 0;
+           message.link_energy_j() == 0.0 && message.joint_rad_size() == 0 && message.object_m_size() == 0;
   if (size % 2 != 0 || message.joint_rad_size() > static_cast<int>(kMostJoints) ||
+      (message.object_m_size() != 0 && message.object_m_size() != kObjectSize<N>) ||
       size > static_cast<int>(2 * kAdjustableSurfaces) || message.environment_answer() >= kEnvironmentAnswers)
     return false;
   e.number = message.environment_number();
@@ -134,6 +144,8 @@ bool read_environment(const schema::Datagram& message, EnvironmentMessage& e) {
   e.link_energy_j = message.link_energy_j();
   e.joints = static_cast<std::uint8_t>(message.joint_rad_size());
   std::copy_n(message.joint_rad().data(), e.joints, e.joint_rad.begin());
+  e.has_object = message.object_m_size() > 0;
+  std::copy_n(message.object_m().data(), message.object_m_size(), e.object_m.begin());
   return e.finite();
 }
 
@@ -169,9 +181,9 @@ struct Codec<N>::Impl {
   // Allocates once for the longest message; clearing a message keeps the memory.
   Impl() {
     for (schema::Datagram* message : {&outgoing, &incoming}) {
-      for (auto* list :
-           {message->mutable_sample(), message->mutable_words(), message->mutable_gripper(),
-            message->mutable_gripper_words(), message->mutable_environment(), message->mutable_joint_rad()})
+      for (auto* list : {message->mutable_sample(), message->mutable_words(), message->mutable_gripper(),
+                         message->mutable_gripper_words(), message->mutable_environment(), message->mutable_joint_rad(),
+                         message->mutable_object_m()})
         list->Reserve(static_cast<int>(kMaxDatagram / sizeof(double)));
       message->mutable_refusal()->reserve(kMaxDatagram);
       message->mutable_scene_fields()->reserve(kMaxDatagram);
@@ -214,7 +226,7 @@ std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcep
     if (envelope.has_gripper) [[unlikely]]
       write_gripper(message, envelope.gripper);
     if (envelope.environment.number > 0) [[unlikely]]
-      write_environment(message, envelope.environment);
+      write_environment<N>(message, envelope.environment);
   }
   if (envelope.identity) {
     message.set_dof(static_cast<std::uint32_t>(envelope.identity->dof));
@@ -226,7 +238,8 @@ std::span<const std::byte> Codec<N>::encode(const Envelope<N>& envelope) noexcep
   }
   const std::size_t size = message.ByteSizeLong();
   // Tags, lengths and single numbers of all fields take less than 20 doubles.
-  static_assert(kMaxDatagram >= 8 * (kReportSize<N> + 2 * kAdjustableSurfaces + kMostJoints + 20) + kMaxSceneFields);
+  static_assert(kMaxDatagram >=
+                8 * (kReportSize<N> + 2 * kAdjustableSurfaces + kMostJoints + kObjectSize<N> + 20) + kMaxSceneFields);
   message.SerializeWithCachedSizesToArray(reinterpret_cast<std::uint8_t*>(impl_->buffer.data()));
   return {impl_->buffer.data(), size};
 }
@@ -256,7 +269,7 @@ Decoded Codec<N>::decode(std::span<const std::byte> bytes, Envelope<N>& envelope
   envelope.has_gripper = message.gripper_size() > 0;
   if (envelope.has_gripper && !read_gripper(message, envelope.report, envelope.gripper)) [[unlikely]]
     return Decoded::malformed;
-  if (!read_environment(message, envelope.environment)) return Decoded::malformed;
+  if (!read_environment<N>(message, envelope.environment)) return Decoded::malformed;
   return Decoded::ok;
 }
 
@@ -267,10 +280,10 @@ namespace {
 constexpr std::uint8_t kVarint = 0, kFixed64 = 1, kBytes = 2, kFixed32 = 5, kNone = 0xff;  // wire types
 
 /// By field number, as in proto/report.proto.
-constexpr std::array<std::uint8_t, 29> kTypes = {
+constexpr std::array<std::uint8_t, 30> kTypes = {
     kNone,   kFixed32, kFixed64, kFixed64, kFixed64, kFixed64, kFixed64, kVarint,  kBytes, kFixed64,
     kVarint, kFixed64, kFixed64, kBytes,   kVarint,  kBytes,   kFixed32, kVarint,  kBytes, kBytes,
-    kBytes,  kFixed32, kVarint,  kVarint,  kBytes,   kFixed64, kVarint,  kFixed64, kBytes};
+    kBytes,  kFixed32, kVarint,  kVarint,  kBytes,   kFixed64, kVarint,  kFixed64, kBytes, kBytes};
 constexpr std::uint32_t kVersion = 1, kSession = 2, kPeerSession = 3, kRefusal = 13;
 
 }  // namespace

@@ -58,13 +58,16 @@ std::string beside_the_default(const std::vector<Standing>& all, const Standing&
       best.held_force_ratio, d.method, 100.0 * d.pressed.mean, d.held_force_ratio, d.error_n.mean, d.drag_n);
 }
 
-/// Others that are as good to 5 %.
-std::string as_good(const std::vector<Standing>& all, const Standing& best) {
-  std::vector<std::string> names;
+/// Others that are as good to 5 %; where there is none, the next one.
+std::string others(const std::vector<Standing>& all, const Standing& best) {
+  const auto text = [](const Standing& s) { return fmt::format("{}, {:.2g} N", s.method, s.error_n.mean); };
+  std::vector<std::string> as_good;
   for (const Standing& each : all)
     if (&each != &best && each.may_be_best() && each.error_n.mean <= 1.05 * best.error_n.mean)
-      names.push_back(fmt::format("{}, {:.2g} N", each.method, each.error_n.mean));
-  return names.empty() ? std::string{} : fmt::format("; within 5 %: {}", fmt::join(names, "; "));
+      as_good.push_back(text(each));
+  if (!as_good.empty()) return fmt::format("; within 5 %: {}", fmt::join(as_good, "; "));
+  const std::size_t next = least_error(all, [&](const Standing& s) { return &s != &best && s.may_be_best(); });
+  return next < all.size() ? "; next: " + text(all[next]) : std::string{};
 }
 
 }  // namespace
@@ -142,15 +145,15 @@ Recommendation recommend(const std::vector<Standing>& all) {
   }
   const Standing& best = all[found];
   const auto count = [&](auto is) { return std::count_if(all.begin(), all.end(), is); };
-  return {
-      best.method,
-      fmt::format("stable and quiet in {} run{}, presses {:.0f} % of the force, error {:.2g} N of {:.2g} N{}; {} of "
-                  "{} methods hold here, {} are unstable{}; with control.passivity.initial_energy_j: {:.4g}{}",
-                  best.runs(), best.runs() == 1 ? "" : "s", 100.0 * best.pressed.mean, best.error_n.mean,
-                  best.reference_n, as_good(all, best), count([](const Standing& s) { return s.holds(); }), all.size(),
-                  count([](const Standing& s) { return s.unstable > 0; }),
-                  best.good() ? "" : "; not good: an error of half the force or more", best.initial_energy_j,
-                  beside_the_default(all, best))};
+  const auto unstable = count([](const Standing& s) { return s.unstable > 0; });
+  return {best.method,
+          fmt::format(
+              "stable and quiet in {} run{}, presses {:.0f} % of the {:.2g} N without delay, least error: {:.2g} N{}; "
+              "{} of {} methods hold here, {} {} unstable{}; with control.passivity.initial_energy_j: {:.4g}{}",
+              best.runs(), best.runs() == 1 ? "" : "s", 100.0 * best.pressed.mean, best.reference_n, best.error_n.mean,
+              others(all, best), count([](const Standing& s) { return s.holds(); }), all.size(), unstable,
+              unstable == 1 ? "is" : "are", best.good() ? "" : "; not good: an error of half the force or more",
+              best.initial_energy_j, beside_the_default(all, best))};
 }
 
 std::string in_a_line(const Recommendation& best) {

@@ -43,15 +43,25 @@ export async function until(what, condition, patience_ms = 15000) {
 export const coupled = () =>
   until('both sides are coupled', async () => (await text('mode')) === 'master: coupled' && (await text('slave-mode')) === 'slave: coupled');
 
-/// Takes the handle in the middle of the picture; to(m) then moves it along x, or along another direction of the picture.
+/// Takes the handle near the middle of the picture; to(m) then moves it along x, or along another direction of the picture, as a person
+/// does: in 0.7 s, fastest in the middle, beside the straight line, trembling.
 export async function take([right, down] = [1, 0]) {
   await until('the page shows the run', async () => page.locator('#verdict').isVisible());
-  const box = await page.locator('#picture').boundingBox();
-  const [x, y] = [box.x + 0.45 * box.width, box.y + 0.5 * box.height], scale = Number(await page.locator('#zoom').inputValue());
+  const box = await page.locator('#picture').boundingBox(), scale = Number(await page.locator('#zoom').inputValue());
+  const [x, y] = [box.x + 0.45 * box.width + 6, box.y + 0.5 * box.height - 4];
   await page.mouse.move(x, y);
   await page.mouse.down();
   await coupled();
-  return (m) => page.mouse.move(x + right * m * scale, y + down * m * scale, { steps: 20 });
+  let at = 0;
+  return async (m) => {
+    const from = at, began = Date.now(), tremble = () => 2 * (Math.random() - 0.5);
+    for (let s = 0; s < 1; await pause(12)) {
+      s = Math.min(1, (Date.now() - began) / 700);
+      at = from + (m - from) * s ** 3 * (10 - 15 * s + 6 * s * s);
+      const beside = s < 1 ? 0.08 * (m - from) * scale * Math.sin(Math.PI * s) + tremble() : 0;
+      await page.mouse.move(x + right * at * scale + down * beside, y + down * at * scale - right * beside);
+    }
+  };
 }
 
 export async function set(id, to) {

@@ -458,7 +458,9 @@ TYPED_TEST(CodecOf, CarriesWhatIsSaidOfTheEnvironment) {
                       .surface = {{{3000.0, 0.2}, {500.0, -1.0}}},
                       .link_energy_j = -0.125,
                       .joints = 6,
-                      .joint_rad = {0.1, 0.2, 0.3, 0.4, 0.5, 0.6}};
+                      .joint_rad = {0.1, 0.2, 0.3, 0.4, 0.5, 0.6},
+                      .has_object = N == kJointPort,
+                      .object_m = {0.01, -0.02, 0.03}};
   const Bytes with = encoded(sent);
   Codec<N> codec;
   Envelope<N> got;
@@ -472,11 +474,16 @@ TYPED_TEST(CodecOf, CarriesWhatIsSaidOfTheEnvironment) {
   EXPECT_EQ(got.environment.link_energy_j, -0.125);
   ASSERT_EQ(got.environment.joints, 6);
   EXPECT_EQ(got.environment.joint_rad, sent.environment.joint_rad);
+  EXPECT_EQ(got.environment.has_object, N == kJointPort);
+  if (N == kJointPort) {
+    EXPECT_EQ(got.environment.object_m, sent.environment.object_m);
+  }
   expect_same(got.report, sent.report);
   // Without one the packet says so, whatever came before.
   ASSERT_EQ(codec.decode(without, got), Decoded::ok);
   EXPECT_EQ(got.environment.number, 0U);
   EXPECT_EQ(got.environment.count, 0);
+  EXPECT_FALSE(got.environment.has_object);
   sent.environment.number = 0;
   EXPECT_EQ(encoded(sent), without);
 }
@@ -506,6 +513,10 @@ TYPED_TEST(CodecOf, RejectsWhatCannotBeSaidOfTheEnvironment) {
   EXPECT_EQ(with([](auto& m) { m.add_joint_rad(std::nan("")); }), Decoded::malformed);
   EXPECT_EQ(with([](auto& m) { m.mutable_joint_rad()->Resize(9, 0.0); }), Decoded::malformed);
   EXPECT_EQ(with([](auto& m) { m.mutable_joint_rad()->Resize(8, 0.0); }), Decoded::ok);
+  EXPECT_EQ(with([](auto& m) { m.mutable_object_m()->Resize(2, 0.0); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& m) { m.mutable_object_m()->Resize(3, HUGE_VAL); }), Decoded::malformed);
+  const Decoded with_object = with([](auto& m) { m.mutable_object_m()->Resize(3, 0.0); });
+  EXPECT_EQ(with_object, N == kJointPort ? Decoded::ok : Decoded::malformed);
   EXPECT_EQ(with([](auto& m) { m.clear_environment(); }), Decoded::ok);
 }
 

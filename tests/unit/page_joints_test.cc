@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "common/hardware/adjustable_environment.h"
 #include "common/page/describe.h"
 #include "common/scene/load.h"
 #include "drivers/drivers.h"
@@ -20,8 +21,8 @@ constexpr int N = kJointPort;
 constexpr double kPeriod = 1e-3;
 
 struct Rig {
-  explicit Rig(const std::vector<std::string>& overrides = {})
-      : scene{load_scene(TWOPORT_SCENES "/leader_follower.textproto", overrides, SceneFor::live)} {
+  explicit Rig(const std::string& name = "leader_follower")
+      : scene{load_scene(TWOPORT_SCENES "/" + name + ".textproto", {}, SceneFor::live)} {
     page.begin(scene);
     device = all_drivers().devices.open<N>("page", scene, Seconds{kPeriod}, page.channel());
   }
@@ -144,6 +145,39 @@ TEST(PageOfTwoArms, IsIntroducedWithBothArms) {
   EXPECT_NE(text.find(R"("links":null)"), text.npos) << "of the same file as the robot's";
   EXPECT_NE(text.find(R"(["leader_torque",8])"), text.npos) << text;
   EXPECT_LT(text.size(), 8000u);
+}
+
+/// The simulated robot says where its object is; the page is shown that, and its size.
+TEST(PageOfTwoArms, ShowsTheObjectThatTheFingersTake) {
+  Rig rig{"leader_follower_gripper"};
+  const std::string text = describe_for_page(rig.scene, {.device = "d", .methods = {}});
+  EXPECT_NE(text.find(R"("object_half_size_m":[0.02,0.03,0.03])"), text.npos) << text;
+  EXPECT_NE(text.find(R"(["object_x_m",3])"), text.npos) << text;
+  EXPECT_NE(text.find(R"("slides":true,"mirrored":true)"), text.npos) << "two fingers";
+  const DeviceSample<N> leader = rig.run(1, nullptr);
+  const PageSample::Vector starts{0.0, 0.0, -0.1204};
+  EXPECT_EQ(rig.shown(leader, {}, {}).object_x_m, starts);
+
+  const auto robot = all_drivers().robots.open<N>("sim", rig.scene, Seconds{kPeriod});
+  EnvironmentMessage message;
+  robot->environment()->describe(message);
+  EXPECT_TRUE(message.has_object);
+  EXPECT_EQ(message.object_m, starts);
+  message.object_m = {0.01, 0.02, -0.05};
+  rig.page.note_environment(message, Registration<N>{rig.scene.control});
+  EXPECT_EQ(rig.shown(leader, {}, {}).object_x_m, message.object_m);
+
+  const auto without = all_drivers().robots.open<N>("sim", Rig{}.scene, Seconds{kPeriod});
+  without->environment()->describe(message = {});
+  EXPECT_FALSE(message.has_object);
+}
+
+TEST(PageIntroduction, NamesTheAxesWithoutAMotorAndWhereBothSidesBegin) {
+  const Scene scene = load_scene(TWOPORT_SCENES "/assembly.textproto",
+                                 std::vector<std::string>{"device.motors=[0, 1, 2]"}, SceneFor::live);
+  const std::string text = describe_for_page(scene, {.device = "d", .methods = {}});
+  EXPECT_NE(text.find(R"("home_m":[0,0,0.03],"robot_home_m":[0.0015,-0.001,0.03],"without_motor":[3,4,5])"), text.npos)
+      << text;
 }
 
 }  // namespace

@@ -24,9 +24,9 @@ export interface Element {
   vertices_m?: number[]; // of a mesh: x, y, z of each, in the axes of what it is a part of
   triangles?: number[]; // three vertices each
 }
-/** A serial arm: each joint turns about the z axis of its frame. */
+/** A serial arm: each joint turns about the z axis of its frame, or slides along it; a mirrored one is two fingers, to both sides of the tool. */
 export interface Arm {
-  joints: { origin_m: Vec; attitude: [number, number, number, number]; slides: boolean }[];
+  joints: { origin_m: Vec; attitude: [number, number, number, number]; slides: boolean; mirrored: boolean }[];
   flange_m: Vec;
   links: Element[] | null; // meshes of the base and of the link behind each joint, in its axes; empty, or without triangles: not known; null: the robot's
   left_out: string[]; // what of them could not be read, in sentences
@@ -52,6 +52,8 @@ export interface Introduction {
   device: string;
   pointer: boolean;
   home_m: Vec; // where the handle began
+  robot_home_m: Vec; // where a simulated robot began
+  without_motor: number[]; // axes of the device that display no force
   grip_n_per_m: number;
   grip_limits_n_per_m: [number, number];
   motion_scale: number;
@@ -70,6 +72,7 @@ export interface Introduction {
   tool_parts: Element[];
   arm: Arm | null; // of the robot
   leader: Arm | null; // whose tool the hand holds
+  object_half_size_m: Vec | null; // of the box that the robot's fingers may take
   gripper_m: number | null; // where the gripper of the handle starts; null: none
   fields: [string, number][];
 }

@@ -4,7 +4,7 @@ import './style.css';
 import { connect, Layout, type Connection, type Introduction, type Network, type Told, type Vec } from './channel';
 import { isSolid, viewsFor } from './picture';
 import { Plots, type Curve, type PlotSpec } from './plots';
-import { element, joules, Session, state, type Kind } from './session';
+import { element, joules, rotationVector, Session, state, type Kind } from './session';
 import { Sound } from './sound';
 import { Tour } from './tour';
 
@@ -12,12 +12,18 @@ const MODES = ['no partner', 'coupled', 'holding', 'released', 'waiting for a ha
 const ENDED = 6;
 const OLD_MS = 300; // a value of this age looks old
 const LIMIT_SHOWN_MS = 1000;
-const HOME_M_PER_S = 0.12;
-const HOME_PATIENCE_S = 1.5;
+const HOME_M_PER_S = 0.12; // and faster where it is far:
+const HOME_S = 1.5;
+const HOME_PATIENCE_S = 1.5, HOME_REST_S = 0.5;
+const HOME_AIMS = 6; // tools of two arms do not move alike, and something may keep the robot away
+const FAR_M = 0.1;
+const AT_HOME_M = 0.002, AT_HOME_RAD = 0.02, AT_REST_M_PER_S = 0.002;
+const SETTLE_PATIENCE_S = 4;
 const PLOT_EVERY = 4; // samples
 const REACH_M = 0.5;
 const ADJUSTABLE = 1; // environment_answer
 const OUT_OF_RANGE = 6;
+const REAL = 2;
 
 /** A value with its unit; the number itself stays readable to programs. */
 function show(id: string, value: number, digits: number, unit: string): void {
@@ -46,8 +52,13 @@ class Page {
   private receivedAt = -Infinity; // newest samples [ms]
   private limitsSeen: { at: number; bit: number }[] = [];
   private tour: Tour | null = null;
-  private homing = false;
-  private homeFor_s = 0; // the target has been there
+  private toured = ''; // of which scene
+  private homing: 'taking' | 'robot' | 'handle' | null = null;
+  private homeTo: Vec = [0, 0, 0]; // of the target
+  private homeAt_m_per_s = 0;
+  private homeFor_s = 0; // the target has been there, or the handle is taken
+  private aims = 0;
+  private settling: { delay_ms: number; method: number; for_s: number; stage: 'home' | 'rest' | 'set' } | null = null;
 
   private held = false;
   private target: Vec = [0, 0, 0];
@@ -146,6 +157,8 @@ class Page {
     this.makePlots();
     this.makeSliders(scene);
     this.makeWorkControls(scene);
+    element('motors').textContent = this.notDisplayed(scene);
+    element('motors').hidden = scene.without_motor.length === 0;
     const leftOut = [scene.arm, scene.leader].flatMap((arm) => arm?.left_out ?? []), more = leftOut.length - 2;
     element('hint').textContent = [this.hint(scene), ...leftOut.slice(0, 2), ...(more > 0 ? [`So ${more === 1 ? 'is another link' : `are ${more} other links`}.`] : [])].join(' ');
     for (const row of document.querySelectorAll<HTMLElement>('.linked'))
@@ -213,12 +226,23 @@ class Page {
     return `Drag to move the hand${scene.leader ? ', which holds the tool of the leader,' : ''} in the view, with Shift to turn it; the wheel moves it along the view. The right button turns the view. Keyboard: Space, arrows, Page Up and Down, with Shift to turn.` + gripper;
   }
 
+  /** Of axes of the device that have no motor. */
+  private notDisplayed({ without_motor, dof }: Introduction): string {
+    const axes = (first: number): string => without_motor.filter((a) => a >= first && a < first + 3).map((a) => (dof === 1 ? 'x' : 'xyz'[a - first])).join(', ');
+    const force = axes(0), torque = axes(3);
+    const parts = [...(force ? [`force along ${force}`] : []), ...(torque ? [`torque about ${torque}`] : [])];
+    return `The device has no motor there: ${parts.join(' and ')} not displayed.`;
+  }
+
   private makeTour(scene: Introduction): void {
     const without = scene.methods.findIndex((m) => m.startsWith(scene.plain_method));
     const wall = scene.environment.find((e) => e.kind === 'wall');
     const possible = scene.pointer && scene.linked && wall && without > 0;
     element('tour-begin').hidden = !possible;
+    const step = this.toured === scene.scene ? (this.tour?.at ?? -1) : -1;
+    this.toured = scene.scene;
     this.tour = null;
+    element('tour').hidden = true;
     if (!possible) return;
     const number = (name: string): number => (this.last ? this.last[this.layout.place(name)]! : 0);
     const { right, up } = viewsFor(scene)[0]!, along = (axis: Vec): number => -wall.normal!.reduce((sum, n, i) => sum + n * axis[i]!, 0);
@@ -233,14 +257,11 @@ class Page {
       method: () => number('epoch') % scene.methods.length,
       without,
       names: scene.methods,
-      setDelay: (ms) => {
-        const input = element<HTMLInputElement>('to_slave-delay_ms'), both = element<HTMLInputElement>('both');
-        if (!both.checked) both.click();
-        input.value = String(ms);
-        input.dispatchEvent(new Event('input'));
-      },
-      setMethod: (index) => this.channel.send(`method ${index}`, 0),
+      held: () => this.held,
+      begin: (delay_ms, method) => this.settle(delay_ms, method),
+      begun: () => this.settling === null,
     });
+    if (step >= 0) this.tour.go(step); // the programs have started again, or the page has lost them for a while
   }
 
   // Who controls, and what is said of the run.
@@ -325,20 +346,111 @@ class Page {
     session.bothBudget(part('both').querySelector('.gauge')!, part('both').querySelector('output')!, old);
   }
 
-  /** Moves the hand to where it was at the beginning, and lets go there. */
+  /** Moves the robot and then the handle to where they were at the beginning, and lets go there. */
   private goHome(): void {
     this.grab();
-    this.homing = this.held;
+    this.homing = this.held ? 'taking' : null;
     this.homeFor_s = 0;
-    this.turn = [0, 0, 0];
+  }
+  private get coupled(): boolean {
+    return [this.first!.number('mode'), this.first!.number('slave_mode')].every((m) => MODES[m] === 'coupled');
+  }
+  private handleFromHome(): Vec {
+    return this.first!.vector('handle_x_m').map((x, i) => x - this.scene!.home_m[i]!) as Vec;
+  }
+  /** Of a real robot nobody knows where it began; the handle's place then. */
+  private robotFromHome(): Vec {
+    if (!this.scene!.linked || this.first!.number('environment_answer') === REAL) return this.handleFromHome();
+    return this.first!.vector('robot_x_m').map((x, i) => x - this.scene!.robot_home_m[i]!) as Vec;
+  }
+  private homeBy(m: Vec, turn: Vec): void {
+    this.homeTo = this.target.map((x, i) => Math.max(-REACH_M, Math.min(REACH_M, x + m[i]!))) as Vec;
+    this.turn = turn;
+    this.homeAt_m_per_s = Math.max(HOME_M_PER_S, Math.hypot(...m) / HOME_S);
+    this.homeFor_s = 0;
+  }
+  private aimRobotHome(): void {
+    const { first, scene } = this, share = scene!.motion_scale * first!.number('motion');
+    const behind = scene!.linked ? first!.vector('behind_m') : [0, 0, 0];
+    this.aims += 1;
+    this.homeBy(this.robotFromHome().map((x, i) => (behind[i]! - x) / share) as Vec, first!.turnBack());
   }
   private stepHome(passed_s: number): void {
-    const to = this.scene!.home_m, hand = this.first!.vector('handle_x_m');
-    const left = to.map((x, i) => x - this.target[i]!) as Vec, far = Math.hypot(...left), step = HOME_M_PER_S * passed_s;
-    this.target = far <= step ? [...to] : (this.target.map((x, i) => x + (left[i]! * step) / far) as Vec);
+    const scene = this.scene!, first = this.first!;
+    if (this.homing === 'taking') {
+      // The sides are coupled from where they are.
+      this.homeFor_s += passed_s;
+      if (scene.linked && !this.coupled && this.homeFor_s < HOME_PATIENCE_S) return;
+      this.homing = 'robot';
+      this.aims = 0;
+      return this.aimRobotHome();
+    }
+    const left = this.homeTo.map((x, i) => x - this.target[i]!) as Vec, far = Math.hypot(...left), step = this.homeAt_m_per_s * passed_s;
+    this.target = far <= step ? [...this.homeTo] : (this.target.map((x, i) => x + (left[i]! * step) / far) as Vec);
     this.homeFor_s = far <= step ? this.homeFor_s + passed_s : 0;
-    // A robot that is coupled elsewhere may press a wall there, and keep the hand away.
-    if (far <= step && (this.homeFor_s > HOME_PATIENCE_S || Math.hypot(...hand.map((x, i) => x - to[i]!)) < 0.002)) this.letGo();
+    if (far > step) return;
+    const ofRobot = this.homing === 'robot', off = Math.hypot(...(ofRobot ? this.robotFromHome() : this.handleFromHome()));
+    const moves = Math.max(...['hand_v_m_per_s', 'robot_v_m_per_s'].map((v) => Math.hypot(...first.vector(v)))), there = off < AT_HOME_M && moves < AT_REST_M_PER_S;
+    if (!there && this.homeFor_s < HOME_REST_S + 1e-3 * Math.max(0, first.number('round_trip_ms'))) return;
+    if (!there && ofRobot && this.aims < HOME_AIMS) return this.aimRobotHome();
+    if (this.homing === 'robot' && scene.linked && !scene.leader && this.handleIsOff()) {
+      this.homing = 'handle';
+      this.clutch(true);
+      return this.homeBy(scene.home_m.map((x, i) => x - this.target[i]!) as Vec, [0, 0, 0]);
+    }
+    this.clutch(false);
+    this.letGo();
+  }
+  private handleIsOff(): boolean {
+    return Math.hypot(...this.handleFromHome()) > AT_HOME_M || Math.hypot(...rotationVector(this.first!.attitude('handle_attitude'))) > AT_HOME_RAD;
+  }
+
+  /** Brings everything to where it was at the beginning, and sets a delay of each direction and a method when that is done. */
+  private settle(delay_ms: number, method: number): void {
+    this.settling = { delay_ms, method, for_s: 0, stage: 'home' };
+    this.calm();
+  }
+  /** Without the page's delay, under the first method, with the scene's hand and surfaces. */
+  private calm(): void {
+    const scene = this.scene!;
+    for (const input of document.querySelectorAll<HTMLInputElement>('#network input')) input.value = '0';
+    const both = element<HTMLInputElement>('both');
+    if (!both.checked) both.click();
+    element<HTMLInputElement>('grip').value = String(scene.grip_n_per_m);
+    this.sendAll();
+    this.channel.send('method 0', 0);
+    this.channel.send('lock 0');
+    this.channel.send('scale 1 1');
+    this.workTouchedAt = -Infinity;
+    if (this.last && this.first!.number('environment_answer') === ADJUSTABLE)
+      scene.environment.filter((e) => e.kind !== 'spring').forEach((e, i) => this.channel.send(`surface ${i} ${e.stiffness_n_per_m} ${e.friction ?? 0}`));
+    this.surfaceTouchedAt = -Infinity;
+  }
+  private stepSettling(passed_s: number): void {
+    const s = this.settling!;
+    if (this.homing) return;
+    if (s.stage === 'home') {
+      s.stage = 'rest';
+      // Tools of two arms are far from alike there.
+      const { leader, restarts } = this.scene!;
+      if (leader && restarts && Math.hypot(...this.robotFromHome(), ...this.handleFromHome()) > FAR_M) return this.channel.send('restart');
+      if (this.coupled || this.handleIsOff() || Math.hypot(...this.robotFromHome()) > AT_HOME_M) return this.goHome();
+    }
+    s.for_s += passed_s;
+    const first = this.first!, mode = first.number('mode'), late = s.for_s > SETTLE_PATIENCE_S;
+    if (s.stage === 'rest') {
+      // A free handle that is still coupled would be moved by another delay or method.
+      if (!late && !this.held && this.scene!.linked && this.coupled && (s.delay_ms > 0 || s.method > 0)) return;
+      const input = element<HTMLInputElement>('to_slave-delay_ms');
+      input.value = String(s.delay_ms);
+      input.dispatchEvent(new Event('input'));
+      this.channel.send(`method ${s.method}`, 0);
+      this.settling = { ...s, for_s: 0, stage: 'set' };
+      return;
+    }
+    // A delay that jumps parts the sides for a moment.
+    const there = mode === first.number('slave_mode') && ['coupled', 'waiting for a hand'].includes(MODES[mode]!) && first.number('round_trip_ms') >= 2 * s.delay_ms;
+    if (there || late) this.settling = null;
   }
 
   private makePlots(): void {
@@ -363,7 +475,7 @@ class Page {
         curve('felt', '--felt', at('felt_n') + i, 1)),
       ...(leader ? [plot('Torque displayed, by joint', 'N\u00a0m', ...torques('leader_torque')), plot('Torque measured, by joint', 'N\u00a0m', ...torques('follower_torque'))] : []),
       plot('Energy', 'mJ',
-        curve('in at the hand', '--hand', at('hand_energy_j'), 1e3),
+        { label: 'in at the hand', colour: '--hand', value: (s) => 1e3 * (s[at('hand_energy_j')]! + this.first!.told.earlier_debt_j) },
         curve('in at the robot', '--robot', at('robot_energy_j'), 1e3),
         curve('dissipated', '--felt', at('dissipated_j'), 1e3),
         curve('not dissipated yet', '--third', at('deficit_j'), 1e3)),
@@ -608,20 +720,23 @@ class Page {
   }
 
   private grab(): void {
-    this.homing = false;
+    this.stay();
     if (!this.scene?.pointer || !this.last || this.held) return;
     // Who watches and takes the handle asks for control; the server grants it while nobody holds the handle.
     this.held = true;
     this.target = this.first!.vector('handle_x_m');
-    const [w, ...v] = this.first!.attitude('handle_attitude');
-    const n = Math.hypot(...v), angle = 2 * Math.atan2(n, w);
-    this.turn = n > 1e-9 ? (v.map((x) => (x / n) * (angle > Math.PI ? angle - 2 * Math.PI : angle)) as Vec) : [0, 0, 0];
+    this.turn = rotationVector(this.first!.attitude('handle_attitude'));
     element('pictures').classList.add('held');
     this.sendTarget();
     this.sendOpening(); // another page may have set it meanwhile
   }
+  /** Ends the way home. */
+  private stay(): void {
+    if (this.homing === 'handle') this.clutch(false);
+    this.homing = null;
+  }
   letGo(): void {
-    this.homing = false;
+    this.stay();
     if (!this.held) return;
     this.held = false;
     element('pictures').classList.remove('held');
@@ -751,7 +866,9 @@ class Page {
   private framed = 0; // [ms]
   private frame(count: number): void {
     const now = performance.now();
-    if (this.homing && this.last) this.stepHome(Math.min(0.05, (now - this.framed) / 1000));
+    const passed_s = Math.min(0.05, (now - this.framed) / 1000);
+    if (this.homing && this.last) this.stepHome(passed_s);
+    if (this.settling && this.last) this.stepSettling(passed_s);
     this.framed = now;
     if (this.held) this.sendTarget();
     if (!this.last) return;
@@ -771,7 +888,7 @@ class Page {
     show('gripper-hand', 1e3 * number('gripper_hand_m'), 1, 'mm');
     show('gripper-robot', 1e3 * number('gripper_robot_m'), 1, 'mm');
     show('gripper-felt', number('gripper_felt_n'), 2, 'N');
-    showEnergy('hand-energy', number('hand_energy_j'));
+    showEnergy('hand-energy', number('hand_energy_j') + first.told.earlier_debt_j);
     showEnergy('robot-energy', number('robot_energy_j'));
     showEnergy('dissipated', number('dissipated_j'));
     showEnergy('deficit', number('deficit_j'));
@@ -779,6 +896,7 @@ class Page {
       if (name.endsWith('_share')) show(name, 100 * number(name), 0, '%');
       else show(name, number(name), 3, unit);
     element('picture').dataset.inView = String(first.inView());
+    element('picture').dataset.fromHome = String(1e3 * Math.max(Math.hypot(...this.robotFromHome()), this.scene!.leader ? 0 : Math.hypot(...this.handleFromHome())));
     this.followEnvironment();
     this.followWork();
     const trip = number('round_trip_ms');

@@ -42,6 +42,7 @@ export interface Shown {
   robotAttitude: Attitude;
   joints: number[]; // of the robot's arm [rad]
   leaderJoints: number[]; // of the leader
+  object: Vec; // centre of the box that the fingers may take, where there is one
   fingers: number | null; // opening of the robot's gripper [m]; null: none
   handle: number; // of the handle's, where there is one
   target: Vec | null; // of the pointer, in the robot's world

@@ -19,11 +19,19 @@ export function state(out: HTMLElement, text: string, kind: Kind = ''): void {
 }
 export const joules = (j: number): string => (Math.abs(j) >= 1 ? `${j.toFixed(2)}\u00a0J` : `${(1e3 * j).toFixed(2)}\u00a0mJ`);
 
-/** What is left of a budget, as a bar and in words. */
+/** The rotation of an attitude [rad]. */
+export function rotationVector([w, ...v]: Attitude): Vec {
+  const n = Math.hypot(...v), angle = 2 * Math.atan2(n, w);
+  return n > 1e-9 ? (v.map((x) => (x / n) * (angle > Math.PI ? angle - 2 * Math.PI : angle)) as Vec) : [0, 0, 0];
+}
+
+/** What may still be got: E(0), up to the mark, and what has been put in. A bar as long as the most of it lately, and words. */
 function gauge(bar: HTMLElement, out: HTMLElement, granted: number, energy: number, who: string, old: boolean, anew: boolean): void {
-  const left = granted + energy, share = granted > 0 ? Math.max(0, Math.min(1, left / granted)) : left >= 0 ? 1 : 0;
+  const left = granted + energy, most = Math.max(granted, left, 0.95 * Number(bar.dataset.most ?? 0)), share = most > 0 ? Math.max(0, left / most) : 1;
+  bar.dataset.most = String(most);
   (bar.firstElementChild as HTMLElement).style.width = `${(100 * share).toFixed(1)}%`;
-  bar.className = `gauge ${left < 0 ? 'spent' : share < 0.3 ? 'low' : ''} ${old ? 'old' : ''}`;
+  bar.style.setProperty('--granted', `${most > 0 ? (100 * granted) / most : 0}%`);
+  bar.className = `gauge ${left < 0 ? 'spent' : left < 0.3 * granted ? 'low' : ''} ${old ? 'old' : ''}`;
   bar.setAttribute('aria-valuenow', share.toFixed(2));
   out.dataset.value = String(left);
   out.textContent =
@@ -70,6 +78,12 @@ export class Session {
   inRobotWorld(p: Vec): Vec {
     if (this.scene.leader) return p.map((x, i) => x + ASIDE[i]!) as Vec;
     return p.map((x, i) => this.scene.motion_scale * x + this.origin[i]!) as Vec;
+  }
+  /** The handle's rotation that turns the robot back to how it began. */
+  turnBack(): Vec {
+    if (!this.scene.linked) return [0, 0, 0];
+    const [w, x, y, z] = this.attitude('robot_attitude'), [a, b, c, d] = this.attitude('handle_attitude');
+    return rotationVector([w * a + x * b + y * c + z * d, w * b - x * a - y * d + z * c, w * c + x * d - y * a - z * b, w * d - x * c + y * b - z * a]);
   }
   method(): string {
     const { methods, method } = this.scene;
@@ -120,6 +134,7 @@ export class Session {
       robotAttitude: this.attitude('robot_attitude'),
       joints: this.list('joint_rad'),
       leaderJoints: this.scene.leader ? this.list('leader_rad') : [],
+      object: this.scene.object_half_size_m ? this.vector('object_x_m') : [0, 0, 0],
       handle: this.number('gripper_hand_m'),
       fingers: this.scene.gripper_m === null ? null : this.number('gripper_robot_m'),
       target: target && this.inRobotWorld(this.ofHandle(target)),

@@ -15,6 +15,7 @@ import type { Attitude, Shown, View } from './picture';
 const WALL_M = 0.16; // half of the part of a plane that is shown
 const SKIN_M = 0.0012; // of a tool around its contact points
 const LINK_M = 0.045; // radius of the arm's joints
+const FINGER_M = 0.005; // radius
 const SLOW_MS = 60; // between two frames
 const SLOW_FRAMES = 30;
 const AHEAD_M = 5; // of the camera
@@ -100,7 +101,7 @@ function revolved(e: Element, material: MeshLambertMaterial, line: string): Grou
 
 interface ArmParts {
   base: Group;
-  joints: { part: Group; slides: boolean }[];
+  joints: { part: Group; slides: boolean; twin: Group | null }[];
   flange: Group;
 }
 
@@ -113,6 +114,7 @@ export class Space {
   private readonly tool = new Group();
   private readonly hand = new Group();
   private readonly fingers: Mesh[] = [];
+  private object: Object3D | null = null;
   private handOld = false;
   private readonly arms: { parts: ArmParts; of: 'leader' | 'robot' }[] = [];
   private readonly leader: MeshLambertMaterial;
@@ -149,6 +151,11 @@ export class Space {
     this.floor.visible = this.arms.length > 0;
     this.world.add(this.floor, this.tool, this.hand);
     this.addTool(scene);
+    if (scene.object_half_size_m) {
+      const material = new MeshLambertMaterial({ color: colour('--third') });
+      this.object = shapeOf({ kind: 'box', center_m: [0, 0, 0], half_size_m: scene.object_half_size_m }, material, colour('--text'))!;
+      this.world.add(this.object);
+    }
   }
   dispose(): void {
     this.renderer.dispose();
@@ -224,6 +231,19 @@ export class Space {
       fixed.quaternion.copy(quaternion(joint.attitude));
       const thick = LINK_M * (1 - 0.05 * i);
       const shape = own[i + 1];
+      if (joint.mirrored) {
+        const twin = new Group();
+        for (const [finger, side] of [[moving, 1], [twin, -1]] as const) {
+          const beside = new Vector3(0, 0, side * FINGER_M), mesh = shape?.clone() ?? rod(beside, flange.clone().add(beside), FINGER_M, rings);
+          if (shape) mesh.scale.z = side;
+          finger.add(mesh);
+        }
+        fixed.add(moving, twin);
+        parent.add(fixed);
+        parent = fixed; // the tool stays between the fingers
+        joints.push({ part: moving, slides: true, twin });
+        return;
+      }
       if (shape) moving.add(shape);
       else
         moving.add(
@@ -233,10 +253,10 @@ export class Space {
       fixed.add(moving);
       parent.add(fixed);
       parent = moving;
-      joints.push({ part: moving, slides: joint.slides });
+      joints.push({ part: moving, slides: joint.slides, twin: null });
     });
     const shown = flange.clone().setLength(Math.max(0.01, flange.length() - back));
-    if (!own[all.length] && flange.length() > 1e-6) parent.add(rod(none, shown, 0.5 * LINK_M, link));
+    if (!own[all.length] && !all.at(-1)!.mirrored && flange.length() > 1e-6) parent.add(rod(none, shown, 0.5 * LINK_M, link));
     const end = new Group();
     end.position.copy(flange);
     parent.add(end);
@@ -256,6 +276,7 @@ export class Space {
   private pose(s: Shown): void {
     this.tool.position.copy(v3(s.robot));
     this.tool.quaternion.copy(quaternion(s.robotAttitude));
+    this.object?.position.copy(v3(s.object));
     this.hand.position.copy(v3(s.hand));
     this.hand.quaternion.copy(quaternion(s.handAttitude));
     this.robot.color.set(colour(s.robotOld ? '--muted' : '--robot'));
@@ -267,7 +288,10 @@ export class Space {
     // A base stands where the tool is at its place.
     for (const { parts: { base, joints, flange }, of } of this.arms) {
       const [at, tool] = of === 'robot' ? [s.joints, s.robot] : [s.leaderJoints, s.hand];
-      joints.forEach(({ part, slides }, i) => (slides ? part.position : part.rotation).z = at[i] ?? 0);
+      joints.forEach(({ part, slides, twin }, i) => {
+        (slides ? part.position : part.rotation).z = at[i] ?? 0;
+        if (twin) twin.position.z = -part.position.z;
+      });
       base.position.set(0, 0, 0);
       const from = flange.getWorldPosition(new Vector3());
       base.position.copy(v3(tool)).sub(from);
