@@ -193,16 +193,14 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
   ///
   ///     q = LP_50ms of c (f + K_c q - f_m)/(K_h + K_c),   |q| <= |LP_50ms f|/K_c
   ///
-  /// Joints: LP_20ms of c (f + K* q - f_m)/(K_h + K*),   |q| <= |LP_50ms f|/K_h,   K_h = 700 N/m |m|² (JointSurface::share).
+  /// Joints: LP_20ms,   |q| <= |LP_50ms f|/K_h,   K_h = 700 N/m |m|² (JointSurface::share).
   void yield_along_force(const SlaveInput<N>& in, const Force<N>& felt) noexcept {
     Point<D> q = yield_m_ * yield_normal_, wanted = Point<D>::Zero();
     if (informed_ && in.coupled && touches()) {
       const Point<D> f = felt.vec().template head<D>();
-      double k = coupling_n_per_m_, hand = kHand_n_per_m, least = k;
-      if constexpr (N == kJointPort) {
-        k = in_series(estimator_.patch(), in.robot.ideal);
-        least = hand *= estimator_.share();
-      }
+      const double k = coupling_n_per_m_;
+      double hand = kHand_n_per_m, least = k;
+      if constexpr (N == kJointPort) least = hand *= estimator_.share();
       low_pass(f_slow_, f, in.dt, kYield_s);
       wanted = yields_ / (hand + k) * (f + k * q - said_.felt.value.vec());
       const double most = f_slow_.norm() / least, size = wanted.norm();
