@@ -31,6 +31,12 @@ namespace twoport {
 ///         q = LP_20ms of |applied|/|commanded|;      f_m = s q c ramp f_d goes to the slave with x
 ///         s: share of f_d that the passivity layer displays
 ///
+/// Joints: a hand that is inside when the model begins feels what the slave has measured, as if it touched there, and the slave presses as much:
+///
+///     δ = [d(x) - f·n/K*]+ and ρ = 1 when the model begins, then LP_1s of 0;   d(x) - δ in place of d(x) for the hand;   o + δ n;   b + 10 along n
+///
+/// An arm is heavy: it arrives deep, and shown the force of its depth it would be thrown back, with all of E(0).
+///
 /// (6) makes the slave press as hard as the hand feels where energy or device do not allow the right force.
 /// In flight: free, but commanded into the surface; the robot bounces and will touch it again.
 /// N = 6: y = x + R b with b from the slave; the torque of f_d is (R b) × F_x + r_τ, r_τ = LP_a of τ - (R_echo b) × F(x_echo).
@@ -50,7 +56,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
     model_.forget();
     r_ = Force<N>{};
     r_along_.setZero();
-    offset_m_ = 0.0;
+    offset_m_ = late_m_ = 0.0;
     said_by_master_ = {};
     scale_slow_ = shown_ = 1.0;
     heard_ = false;
@@ -68,12 +74,12 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
     if (in.active && read(in.slave.words, said_)) heard_ = true;
     idle_ = ramp == 0.0;
     if (idle_) {
-      offset_m_ = 0.0;  // said while nothing is coupled, it would be of the next registration
+      offset_m_ = late_m_ = 0.0;  // said while nothing is coupled, it would be of the next registration
       return {};
     }
 
-    if (heard_) follow_surface(in.dt);  // (1)
-    hand_ = at(in.device.x);
+    if (heard_) follow_surface(in);  // (1)
+    hand_ = at(in.device.x, late_m_);
     wanted_ = Force<N>{};
     if (heard_) {
       correct(in, round_trip_s_);  // (3)
@@ -116,7 +122,8 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
                           kAlong_s = 0.2, kFlight_n = 0.3;
   static constexpr double kFade_m = 3e-3;
   static constexpr double kDamping = 0.5, kDampingPerDelay = 2.0, kLongDelay_s = 1.0, kHarvest = 10.0,
-                          kDamperVelocity_s = 3e-3;  // [N s/m]
+                          kDampingOfJoints = 10.0, kDamperVelocity_s = 3e-3;  // [N s/m]
+  static constexpr double kLate_s = 1.0;
   static constexpr double kOffset_s = 50e-3, kOffsetOutside_s = 0.3, kOffsetNormal_s = 0.5;
   static constexpr double kLever_s = 20e-3, kSlowLever_s = 1.0, kOffsetNegligible_m = 1e-6;
 
@@ -128,11 +135,12 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
     bool inside;
   };
 
-  [[nodiscard]] Hand at(const Position<N>& x) const noexcept {
+  [[nodiscard]] Hand at(const Position<N>& x, double late_m = 0.0) const noexcept {
     Hand h;
     h.arm = arm(x);
     h.point = x.translation() + h.arm;
     h.surface = model_.patch().at(h.point);
+    h.surface.depth -= late_m;
     h.inside = model_.exists() && h.surface.depth > 0.0;
     return h;
   }
@@ -144,7 +152,8 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
     }
   }
 
-  void follow_surface(Seconds dt) noexcept {
+  void follow_surface(const MasterInput<N>& in) noexcept {
+    const Seconds dt = in.dt;
     const bool touches = said_.contact.value > 0.5;
     if constexpr (N == 6)
       if (touches) {
@@ -154,7 +163,20 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
           lever_ = said_.lever.value.vec();
         }
       }
+    [[maybe_unused]] const bool existed = model_.exists();
     model_.step(touches, patch_of(said_), said_.robot.value.translation(), dt);
+    if constexpr (N == kJointPort) {
+      if (existed && model_.exists()) return low_pass(late_m_, 0.0, dt, kLate_s);
+      late_m_ = 0.0;
+      if (model_.exists()) meet(in);
+    }
+  }
+  /// The model has begun.
+  void meet(const MasterInput<N>& in) noexcept {
+    const SurfaceDepth<D> surface = at(in.device.x).surface;
+    const double measured = surface.normal.dot(in.slave.newest.f.vec().template head<D>());
+    late_m_ = std::max(0.0, surface.depth - std::max(0.0, measured) / model_.patch().stiffness);
+    model_.show_at_once();
   }
 
   void correct(const MasterInput<N>& in, Seconds round_trip) noexcept {
@@ -232,7 +254,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
     double b_normal = 0.0;
     if (hand.inside) {
       b += of_delay + kHarvest * (1.0 - scale_slow_);
-      b_normal = 0.5 * dt.si() * model_.patch().stiffness;
+      b_normal = 0.5 * dt.si() * model_.patch().stiffness + (N == kJointPort ? kDampingOfJoints : 0.0);
     }
     typename Force<N>::Vector g;
     const Vector linear = v.vec().template head<D>();
@@ -247,7 +269,9 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
   }
 
   void tell(const Force<N>& felt) noexcept {
-    said_by_master_.offset.value = Displacement<D>{offset_m_ * offset_normal_};
+    Vector offset = offset_m_ * offset_normal_;
+    if constexpr (N == kJointPort) offset += late_m_ * hand_.surface.normal;
+    said_by_master_.offset.value = Displacement<D>{offset};
     said_by_master_.felt.value = Coords<struct SurfaceForceKind, D>{felt.vec().template head<D>()};
   }
 
@@ -281,6 +305,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
   Vector slow_lever_ = Vector::Zero();
   Force<N> unexplained_;
   double offset_m_ = 0.0;  ///< o
+  double late_m_ = 0.0;    ///< δ of joints
   Vector offset_normal_ = Vector::Unit(0);
   MasterSays<N> said_by_master_;
   Velocity<N> v_slow_;                     ///< LP_3ms v

@@ -15,10 +15,13 @@
 
 namespace twoport {
 
-/// The virtual coupling with a damping ratio of at least 1/4 at the robot.
+/// The virtual coupling with a damping ratio of at least 1/4 at the robot. In joints its set point follows a yield at up to 0.5 m/s of their
+/// metric: 50 mm/s of it are some 20 mm/s at the tool.
 inline ControlOptions with_damped_robot(ControlOptions o) {
+  constexpr double kYield_m_per_s = 0.5;
   CouplingOptions& c = o.coupling;
   c.damping_n_s_per_m = std::max(c.damping_n_s_per_m, 0.5 * std::sqrt(c.stiffness_n_per_m * o.known.robot_mass_kg));
+  if (o.follower != nullptr) c.catch_up_m_per_s = std::max(c.catch_up_m_per_s, kYield_m_per_s);
   return o;
 }
 
@@ -41,8 +44,8 @@ inline ControlOptions with_damped_robot(ControlOptions o) {
 ///
 /// For a model that may be a spring in all axes: q is a vector (yield_along_force), with c = min(1, (R/R_q)²),
 /// R_q = min(0.2 s, π √(m/K_c)): a robot that is pulled back for less than half of its period on the coupling bounces, a light one has a short
-/// period. The coupling's damper is grounded in contact, (1 - g) B_c (v_rx - v_s) - g B_c v_s, g = LP_100ms of 1 in contact and coupled, else
-/// of 0. The hand's motion and tremor, a delay old, would come through it with |K_c + j ω B_c|; the model knows K_c only. What acts on the
+/// period. In joints K_h is that of a hand at the tool. The coupling's damper is grounded in contact, (1 - g) B_c (v_rx - v_s) - g B_c v_s,
+/// g = LP_100ms of 1 in contact and coupled, else of 0. The hand's motion and tremor, a delay old, would come through it with |K_c + j ω B_c|; the model knows K_c only. What acts on the
 /// robot with v_s alone, g B_c and the brake, is paid by the robot, not by the link.
 ///
 /// To the master: n, p, K*, μ, κ (surface_estimator.h; of joints: joint_surface.h), contact, the set point x_sd, and f as the returned force.
@@ -137,8 +140,8 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
  private:
   static constexpr int D = kAxes<N>;
   static constexpr double kBrake_n_s_per_m = 20.0, kBrakeOfMass = 0.4, kObserver_rad_per_s = 200.0;
-  static constexpr double kHand_n_per_m = 700.0, kYield_s = 50e-3, kBlind_s = 0.2, kYieldNormal_s = 0.5,
-                          kYieldNegligible_m = 1e-6, kGround_s = 0.1;
+  static constexpr double kHand_n_per_m = 700.0, kYield_s = 50e-3, kYieldOfJoints_s = 20e-3, kBlind_s = 0.2,
+                          kYieldNormal_s = 0.5, kYieldNegligible_m = 1e-6, kGround_s = 0.1;
 
   [[nodiscard]] static double stiffness_ratio(const CouplingOptions& c) noexcept {
     return c.rotational_stiffness_n_m_per_rad > 0.0 ? c.stiffness_n_per_m / c.rotational_stiffness_n_m_per_rad : 0.0;
@@ -189,19 +192,23 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
   /// q is a vector, as no single normal is known.
   ///
   ///     q = LP_50ms of c (f + K_c q - f_m)/(K_h + K_c),   |q| <= |LP_50ms f|/K_c
+  ///
+  /// Joints: LP_20ms,   |q| <= |LP_50ms f|/K_h,   K_h = 700 N/m |m|² (JointSurface::share).
   void yield_along_force(const SlaveInput<N>& in, const Force<N>& felt) noexcept {
     Point<D> q = yield_m_ * yield_normal_, wanted = Point<D>::Zero();
     if (informed_ && in.coupled && touches()) {
       const Point<D> f = felt.vec().template head<D>();
       const double k = coupling_n_per_m_;
+      double hand = kHand_n_per_m, least = k;
+      if constexpr (N == kJointPort) least = hand *= estimator_.share();
       low_pass(f_slow_, f, in.dt, kYield_s);
-      wanted = yields_ / (kHand_n_per_m + k) * (f + k * q - said_.felt.value.vec());
-      const double most = f_slow_.norm() / k, size = wanted.norm();
+      wanted = yields_ / (hand + k) * (f + k * q - said_.felt.value.vec());
+      const double most = f_slow_.norm() / least, size = wanted.norm();
       if (size > most) wanted *= most / size;
     } else {
       f_slow_.setZero();
     }
-    low_pass(q, wanted, in.dt, kYield_s);
+    low_pass(q, wanted, in.dt, N == kJointPort ? kYieldOfJoints_s : kYield_s);
     yield_m_ = q.norm();
     if (yield_m_ > 0.0) yield_normal_ = q / yield_m_;
   }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <optional>
 
 #include "common/coupling/joint_tool.h"
@@ -53,16 +54,19 @@ class JointSurface {
     patch_.point = x - found.normal.dot(p - found.point) / size * patch_.normal;
     patch_.stiffness = found.stiffness * size * size;
     patch_.friction = found.friction;
+    share_ = std::max(kLeastShare, size * size);
   }
 
-  [[nodiscard]] bool contact() const noexcept {
-    return tool_ && !before_tool_ ? at_tool_.contact() : in_joints_.contact();
-  }
+  [[nodiscard]] bool contact() const noexcept { return at_tool() ? at_tool_.contact() : in_joints_.contact(); }
   [[nodiscard]] const SurfacePatch<N>& patch() const noexcept { return patch_; }
+  /// |m|², at least 0.02: a stiffness in the metric over that at the tool. 1 where the surface is not at the tool.
+  [[nodiscard]] double share() const noexcept { return at_tool() ? share_ : 1.0; }
 
  private:
+  [[nodiscard]] bool at_tool() const noexcept { return tool_ && !before_tool_; }
+
   static constexpr double kStill = 1e-6;  ///< no joint moves the tool across the surface
-  static constexpr double kLink_s = 50e-3;
+  static constexpr double kLink_s = 50e-3, kLeastShare = 0.02;
 
   void step_in_joints(const Point<N>& x, const Point<N>& v, const Point<N>& f, Seconds dt) noexcept {
     in_joints_.step(x, v, f, dt);
@@ -77,6 +81,7 @@ class JointSurface {
   bool before_tool_ = false;
   Force<N> torque_;  ///< LP_50ms τ
   SurfacePatch<N> patch_;
+  double share_ = 1.0;  ///< |m|²
 };
 
 }  // namespace twoport

@@ -25,6 +25,8 @@ class SurfaceModel {
   using Vector = Point<D>;
 
   void forget() noexcept { exists_ = false, ramp_ = 0.0; }
+  /// ρ = 1.
+  void show_at_once() noexcept { ramp_ = 1.0; }
 
   /// `estimate` of the newest packet, whose normal may be any vector; `robot`: the robot's contact point in it.
   void step(bool contact, SurfacePatch<D> estimate, const Vector& robot, Seconds dt) noexcept {
