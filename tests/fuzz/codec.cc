@@ -36,7 +36,8 @@ void check(std::span<const std::byte> bytes) {
   const EnvironmentMessage &a = read.environment, &b = again.environment;
   require(a.finite() && a.count <= kAdjustableSurfaces, "the environment is finite");
   require(a.number == b.number && a.answer == b.answer && a.count == b.count && a.energy_j == b.energy_j &&
-              a.link_energy_j == b.link_energy_j && a.joints == b.joints && a.joint_rad == b.joint_rad,
+              a.link_energy_j == b.link_energy_j && a.joints == b.joints && a.joint_rad == b.joint_rad &&
+              a.zero_number == b.zero_number && a.zero_answer == b.zero_answer && a.sensor_drift_n == b.sensor_drift_n,
           "and the same");
 }
 
