@@ -30,11 +30,11 @@ TEST(OwnHardware, ADeviceWithThreeMotorsDisplaysTheForceAndSaysWhichTorqueItCann
     const schema::Summary m = pair.summary("master");
     EXPECT_EQ(m.axes_without_motor(), "3, 4, 5");
     EXPECT_GT(m.not_displayed_max_n_m(), 0.01) << method;
-    EXPECT_EQ(m.claim(), "hand") << method;
+    EXPECT_EQ(m.claim().rfind("hand", 0), 0U) << m.claim();
     if (!kept_time({m, pair.summary("slave")})) continue;
     EXPECT_GE(m.hand_min_energy_j(), -m.initial_energy_j() - 1e-4) << method;
     const Trace trace = pair.trace("master");
-    EXPECT_GT(trace.peak("master_f_0", 2.0, 3.0), 1.0) << method;
+    EXPECT_GT(trace.peak("master_f_0", 0.0, 3.0), 1.0) << method;
     for (const char* torque : {"master_f_3", "master_f_4", "master_f_5"})
       EXPECT_EQ(trace.peak(torque, 0.0, 3.0), 0.0) << method;
     // The same energy from the trace alone: what the hand has done along the three axes with motors.

@@ -1,5 +1,5 @@
-// A handle with six axes and three motors, as most desktop devices have: a hand of 300 N/m presses it 30 mm along x, and turns its wrist,
-// which no motor holds.
+// A handle with six axes and three motors, as most desktop devices have: half a second after the other side has come a hand of 300 N/m presses
+// it 30 mm along x. It turns its wrist, which no motor holds.
 
 #include <algorithm>
 #include <array>
@@ -31,7 +31,8 @@ class Wrist final : public plugin::Device {
   plugin::DeviceReading sense(double now_s, double dt_s) override {
     constexpr int kSteps = 20;
     const double h = std::min(dt_s, 0.02) / kSteps;
-    const double share = std::clamp((now_s - 1.0) / 0.5, 0.0, 1.0);
+    if (begins_s_ < 0.0 && starts_) begins_s_ = now_s + 0.5;
+    const double share = begins_s_ < 0.0 ? 0.0 : std::clamp((now_s - begins_s_) / 0.5, 0.0, 1.0);
     const double hand_m = 0.03 * share * share * share * (10.0 + share * (6.0 * share - 15.0));
     for (int k = 0; k < kSteps; ++k)
       for (std::size_t i = 0; i < 3; ++i) {
@@ -48,9 +49,12 @@ class Wrist final : public plugin::Device {
     return reading;
   }
   void actuate(const double* force) override { std::copy_n(force, 3, force_.begin()); }
+  void start() override { starts_ = true; }
   void release() override { force_ = {}; }
 
  private:
+  bool starts_ = false;
+  double begins_s_ = -1.0;  ///< of the press; negative: the other side has not come
   std::array<double, 3> x_{}, v_{}, force_{};
 };
 
