@@ -100,6 +100,13 @@ class PageSamples {
     if (e.has_object) next_.object_x_m = e.object_m;
   }
 
+  /// Before show(): the robot's force sensor, and the requests to zero it.
+  void note_sensor(const SensorRest& sensor) noexcept {
+    next_.sensor_drift_n = sensor.drift_n;
+    next_.zero_answer = static_cast<double>(sensor.answer);
+    next_.zero_asked = sensor.asked ? 1.0 : 0.0;
+  }
+
   /// Of every tick. `peer`: null without a link. `from_slave`: packets. `epoch`: of the method.
   template <int N, class Output>
   void show(Duration now, Duration late, const DeviceSample<N>& device, const Output& out, Energy observed,

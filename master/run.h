@@ -10,8 +10,10 @@
 #include "common/base/built_for.h"
 #include "common/hardware/mounted.h"
 #include "common/hardware/virtual_robot.h"
+#include "common/link/zero_requests.h"
 #include "common/mesh/triangle_mesh.h"
 #include "common/method/catalogue.h"
+#include "common/platform/keys.h"
 #include "common/platform/live_gripper.h"
 #include "common/platform/live_link.h"
 #include "common/platform/live_run.h"
@@ -164,7 +166,8 @@ struct LinkMaster : Master<N> {
         link{Side::master, s, a, live_page != nullptr},
         node{s.control, s.schedule},
         switch_times{s.schedule},
-        switched_by_hand{switches_by_hand()} {
+        switched_by_hand{switches_by_hand()},
+        zeroed_by_hand{zeroings_by_hand()} {
     if constexpr (built_for(1))
       if (of_gripper)
         gripper = std::make_unique<Gripper>(link.mail().transport(), limits_of_slave_reports(of_gripper->control),
@@ -214,16 +217,25 @@ struct LinkMaster : Master<N> {
     r.surface[which] = {c.number[0], there.surface[which].friction < 0.0 ? -1.0 : c.number[1]};
     ++r.number;
   }
+  [[nodiscard]] const SensorRest& sensor() const noexcept { return zero.rest(); }
   void begin_tick() noexcept {
-    if (!this->page) return;
+    if (const unsigned asked = zeroings_by_hand(); std::exchange(zeroed_by_hand, asked) != asked) zero.ask();
+    if (this->page) take_commands();
+    if (!this->page && !zero.is_used()) [[likely]]
+      return;
+    auto& transport = link.mail().transport();
+    zero.step(transport.heard_environment(), environment_request);
+    transport.say_environment(environment_request);
+  }
+  void take_commands() noexcept {
     this->page->take_commands([&](const PageCommand& c) {
       if (c.kind == PageCommand::Kind::network)
         link.adjust(c.which == 0, {1e-3 * c.number[0], 1e-3 * c.number[1], c.number[2]});
       if (c.kind == PageCommand::Kind::method) switch_to(c.which);
       if (c.kind == PageCommand::Kind::surface) change_surface(c);
+      if (c.kind == PageCommand::Kind::zero) zero.ask();
       change_handle(mounted, c);
     });
-    link.mail().transport().say_environment(environment_request);
   }
   void end_tick(Duration now, Duration late, const DeviceSample<N>& sample,
                 const typename MasterNode<N>::Output& out) noexcept {
@@ -234,6 +246,7 @@ struct LinkMaster : Master<N> {
         this->page->note_gripper(gripper->sample().x, gripper->known(), gripper->out().command,
                                  gripper->node().observed());
     this->page->note_environment(link.mail().transport().heard_environment(), node.worlds());
+    this->page->note_sensor(zero.rest());
     this->page->note_handle(mounted, sample.x);
     this->page->show(now, late, sample, out, node.observed(), &link.mail().known(), link.mail().counts(),
                      node.limit_counts() + link.limit_counts(), node.epoch());
@@ -244,8 +257,10 @@ struct LinkMaster : Master<N> {
   MasterNode<N> node;
   std::unique_ptr<Gripper> gripper;
   SwitchTimes switch_times;
-  unsigned switched_by_hand;
-  EnvironmentMessage environment_request{.number = 1};  ///< with a page
+  unsigned switched_by_hand, zeroed_by_hand;
+  ZeroRequests zero;
+  EnvironmentMessage environment_request{
+      .number = 1};  ///< with a page, and from the first request to zero the force sensor on
 };
 
 /// Of --page-world. Throws ConfigError.

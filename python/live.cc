@@ -13,6 +13,8 @@
 #include "common/base/check.h"
 #include "common/hardware/device.h"
 #include "common/hardware/robot.h"
+#include "common/hardware/sensor_zero.h"
+#include "common/link/zero_requests.h"
 #include "common/platform/live_link.h"
 #include "common/runtime/cycle.h"
 #include "master/master_node.h"
@@ -33,6 +35,8 @@ class AnyLive : public AnySide {
  public:
   virtual LiveOutput step(const py::object& x, const py::object& v, const py::object& f, bool held) = 0;
   [[nodiscard]] virtual std::int64_t missed() const = 0;
+  virtual void zero_force_sensor() = 0;
+  [[nodiscard]] virtual SensorRest sensor() const = 0;
 };
 /// For the two classes of Python.
 struct AnyLiveMaster : AnyLive {};
@@ -62,6 +66,7 @@ class Live final : public Base {
     const Tick<Clock> tick = wait();
     if (!link_.refusal().empty()) throw IoError{std::string{link_.refusal()}};
     link_.met(node_);
+    say_of_sensor();
     LiveOutput result{to_seconds(tick.now.time_since_epoch()).si(), {}, {}, {}};
     if constexpr (kMaster) {
       GivenReading<DeviceSample<N>> device;
@@ -75,7 +80,7 @@ class Live final : public Base {
       GivenReading<RobotSample<N>> robot;
       robot.sample.x = position;
       robot.sample.v = velocity;
-      if (given) robot.sample.f_environment = *given;
+      if (given) robot.sample.f_environment = sensor_.step(*given, robot.sample.x, command_, tick.ended, true);
       const auto out = run_cycle(node_, robot, link_.mail(), tick);
       command_ = out.command.f;
       result.set_point = to_array(out.command.x_d, n);
@@ -89,9 +94,28 @@ class Live final : public Base {
   [[nodiscard]] double rate_hz() const override { return rate_hz_; }
   [[nodiscard]] std::string mode() const override { return to_string(node_.mode()); }
   [[nodiscard]] std::int64_t missed() const override { return missed_; }
+  void zero_force_sensor() override { sensor_.ask(); }
+  [[nodiscard]] SensorRest sensor() const override { return sensor_.rest(); }
   [[nodiscard]] std::optional<double> round_trip_s() const override { return round_trip_of(link_.known()); }
 
  private:
+  /// Requests of the master to zero the force sensor, and the slave's answers to them.
+  void say_of_sensor() noexcept {
+    auto& transport = link_.mail().transport();
+    const EnvironmentMessage& heard = transport.heard_environment();
+    if constexpr (kMaster) {
+      if (!sensor_.is_used()) return;
+      sensor_.step(heard, said_);
+    } else {
+      if (heard.number == 0) return;
+      if (answers_.hear(heard, transport.pairings())) sensor_.ask();
+      said_.answer = EnvironmentAnswer::real;
+      said_.number = heard.number;
+      answers_.say(sensor_.rest(), said_);
+    }
+    transport.say_environment(said_);
+  }
+
   using Now = std::chrono::steady_clock;
 
   /// Sleeps to the next tick that has not begun; those before it are left out.
@@ -114,6 +138,9 @@ class Live final : public Base {
   LiveLink<N> link_;
   Node node_;
   Force<N> command_;
+  std::conditional_t<kMaster, ZeroRequests, SensorZero<N>> sensor_{};
+  ZeroAnswers answers_;
+  EnvironmentMessage said_{.number = 1};
   Now::time_point start_ = Now::now();
   std::int64_t k_ = 0, missed_ = 0;
 };
@@ -144,7 +171,22 @@ void add_live(py::module_& module) {
 
   side_class<AnyLive>(module, "Live", "What LiveMaster and LiveSlave share.",
                       "a live side cannot be copied or pickled: it has a socket")
-      .def_property_readonly("missed", &AnyLive::missed, "Ticks left out so far, as step() was called too late.");
+      .def_property_readonly("missed", &AnyLive::missed, "Ticks left out so far, as step() was called too late.")
+      .def("zero_force_sensor", &AnyLive::zero_force_sensor,
+           "Asks the slave to take away what the robot's force sensor reads while nothing is pressed; the next 0.5 s "
+           "decide.")
+      .def_property_readonly(
+          "zero_answer",
+          [](const AnyLive& side) { return std::string{side.sensor().asked ? "" : sentence(side.sensor().answer)}; },
+          "What has become of the newest request: a sentence; empty while it waits.")
+      .def_property_readonly(
+          "sensor_drift_n",
+          [](const AnyLive& side) {
+            const double drift_n = side.sensor().drift_n;
+            return drift_n < 0.0 ? std::nullopt : std::optional{drift_n};
+          },
+          "Force that the sensor read when nothing was pressed last [N]; None: not known, as at a master before its "
+          "first request.");
 
   py::class_<AnyLiveMaster, AnyLive>(
       module, "LiveMaster",

@@ -3,12 +3,15 @@
 #include <algorithm>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "common/base/built_for.h"
 #include "common/base/check.h"
 #include "common/coupling/layers.h"
 #include "common/hardware/adjustable_environment.h"
 #include "common/hardware/mounted.h"
+#include "common/link/zero_requests.h"
+#include "common/platform/keys.h"
 #include "common/platform/live_gripper.h"
 #include "common/platform/live_link.h"
 #include "common/platform/live_run.h"
@@ -113,6 +116,7 @@ struct Slave : SlaveRows<N> {
       : SlaveRows<N>{s, robot, a.hardware},
         mounted{robot},
         environment{robot.environment()},
+        zeroed_by_hand{zeroings_by_hand()},
         fixed_environment{a.fixed_environment},
         link{Side::slave, s, a} {
     if constexpr (built_for(1))
@@ -127,7 +131,9 @@ struct Slave : SlaveRows<N> {
   [[nodiscard]] bool serves() const { return this->node.mode() == Mode::coupled; }
   [[nodiscard]] static bool judged() { return false; }
   [[nodiscard]] bool lets_go() const noexcept { return mounted.lets_go(); }
+  [[nodiscard]] const SensorRest& sensor() const noexcept { return mounted.sensor(); }
   void begin_tick() noexcept {
+    if (const unsigned asked = zeroings_by_hand(); std::exchange(zeroed_by_hand, asked) != asked) mounted.zero_sensor();
     if (link.mail().transport().heard_environment().number > 0) [[unlikely]]
       answer_about_environment();
   }
@@ -144,6 +150,11 @@ struct Slave : SlaveRows<N> {
   void fill(Summary& s, bool) {
     link.fill(s, this->node.mode());
     say_if_coupling_feeds(s, this->scene.control.initial_energy);
+    if (const SensorRest& sensor = mounted.sensor(); sensor.drift_n >= 0.0 || sensor.answered > 0) {
+      if (sensor.drift_n >= 0.0) s.set_sensor_drift_n(sensor.drift_n);
+      s.set_sensor_zeroed(sensor.zeroed);
+      s.set_sensor_zero_refused(sensor.answered - sensor.zeroed);
+    }
     if (environment_changes == 0) return;
     EnvironmentMessage state;
     environment->describe(state);
@@ -169,12 +180,16 @@ struct Slave : SlaveRows<N> {
       if (refused && state.answer == EnvironmentAnswer::adjustable) state.answer = EnvironmentAnswer::out_of_range;
     }
     state.link_energy_j = -this->node.delivered().si();
+    if (zero.hear(request, transport.pairings())) mounted.zero_sensor();
+    zero.say(mounted.sensor(), state);
     state.number = taken = request.number;
     transport.say_environment(state);
   }
 
   MountedRobot<N>& mounted;
   AdjustableEnvironment* environment;
+  unsigned zeroed_by_hand;
+  ZeroAnswers zero;
   bool fixed_environment;
   std::uint64_t session = 0;
   std::uint32_t taken = 0;  ///< number of the newest request

@@ -15,6 +15,7 @@
 #include "common/hardware/modulated_transformer.h"
 #include "common/hardware/mount.h"
 #include "common/hardware/robot.h"
+#include "common/hardware/sensor_zero.h"
 
 namespace twoport {
 
@@ -246,13 +247,15 @@ class MountedDevice final : public Device<N> {
 ///
 ///     f = f_s - R b + m g       τ = τ_s - R b_τ + (R c) × m g
 ///
-/// for a reading (f_s, τ_s) of force and torque on tool and environment, b its bias, m and c mass and centre of the tool, g gravity.
+/// for a reading (f_s, τ_s) of force and torque on tool and environment, b its bias, m and c mass and centre of the tool, g gravity; then
+/// what zero_sensor() takes away (SensorZero).
 /// In place of a reading that is not finite stands the last one, stale and at rest, and the robot is released until the next one.
 /// A robot that obeys positions only is moved by an Admittance, whose body is then what readings show.
 template <int N>
 class MountedRobot final : public Robot<N> {
  public:
-  MountedRobot(std::shared_ptr<Robot<N>> robot, const RobotMount& mount) : robot_{std::move(robot)}, m_{mount} {
+  MountedRobot(std::shared_ptr<Robot<N>> robot, const RobotMount& mount)
+      : robot_{std::move(robot)}, m_{mount}, zero_{robot_->info().has_force_sensor} {
     const Eigen::Vector3d weight = m_.tool_mass_kg * m_.gravity_m_per_s2;
     for (int i = 0; i < std::min(N, 3); ++i) fixed_[i] = (N == 1 ? 0.0 : weight[i]) - (N == 6 ? 0.0 : m_.bias[i]);
     corrects_ = m_.tool_mass_kg > 0.0 || m_.bias.squaredNorm() > 0.0;
@@ -283,6 +286,7 @@ class MountedRobot final : public Robot<N> {
       any_ = true;
     }
     if (corrects_) correct(s);
+    s.f_environment = zero_.step(s.f_environment, s.x, commanded_, tick.ended, s.status == HardwareStatus::ok);
     if (admittance_) [[unlikely]] {
       dt_ = tick.dt;
       felt_ = s.f_environment;
@@ -296,18 +300,23 @@ class MountedRobot final : public Robot<N> {
     if (!all_finite(command.f, command.x_d, command.v_d)) [[unlikely]]
       return release();
     if (lets_go_) return;
+    commanded_ = command.f;
     if (!admittance_) return robot_->actuate(command);
     admittance_->step(command.f, felt_, dt_);
     robot_->actuate({.f = command.f, .x_d = admittance_->x(), .v_d = admittance_->v()});
   }
   void start() noexcept override { robot_->start(); }
   void release() noexcept override {
+    commanded_ = Force<N>{};
     if (admittance_) admittance_->stop();
     robot_->release();
   }
   [[nodiscard]] std::string trouble() const override { return robot_->trouble(); }
   [[nodiscard]] Robot<1>* gripper() noexcept override { return robot_->gripper(); }
   [[nodiscard]] AdjustableEnvironment* environment() noexcept override { return robot_->environment(); }
+  /// Asks to zero the force sensor. Call between ticks.
+  void zero_sensor() noexcept { zero_.ask(); }
+  [[nodiscard]] const SensorRest& sensor() const noexcept { return zero_.rest(); }
   /// Was the last reading not finite, so that the robot was released?
   [[nodiscard]] bool lets_go() const noexcept { return lets_go_; }
   [[nodiscard]] const RobotTruth<N>* truth() const noexcept override { return robot_->truth(); }
@@ -329,6 +338,8 @@ class MountedRobot final : public Robot<N> {
   typename Force<N>::Vector fixed_ = Force<N>::Vector::Zero();
   RobotSample<N> last_;  ///< the last one that was finite
   bool corrects_, any_ = false, lets_go_ = false;
+  SensorZero<N> zero_;
+  Force<N> commanded_;                       ///< by the last command; none while the robot is released
   std::optional<Admittance<N>> admittance_;  ///< of a robot that obeys positions only
   Force<N> felt_;                            ///< by its sensor, at the last reading
   Seconds dt_{};

@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <string_view>
 
+#include "common/link/sensor_rest.h"
+
 namespace twoport {
 
 /// Surfaces of an environment that a packet tells of: the first ones in the scene's order.
@@ -33,8 +35,8 @@ constexpr std::string_view sentence(EnvironmentAnswer answer) {
   return kSentences[static_cast<std::size_t>(answer)];
 }
 
-/// What a packet says of the environment's surfaces. From the master: a request; from the slave: the state, and what a page shows of
-/// the robot besides. A request is repeated in every packet, so that a lost one delays it only.
+/// What a packet says of the environment's surfaces and of the robot's force sensor. From the master: requests; from the slave: the state,
+/// and what a page shows of the robot besides. A request is repeated in every packet, so that a lost one delays it only.
 struct EnvironmentMessage {
   struct Surface {
     double stiffness_n_per_m = 0.0;
@@ -52,10 +54,14 @@ struct EnvironmentMessage {
   std::array<double, kMostJoints> joint_rad{};
   bool has_object = false;           ///< from the slave: there is a box that the robot's fingers may take
   std::array<double, 3> object_m{};  ///< its centre, in the axes of the environment
+  std::uint32_t zero_number =
+      0;  ///< from the master: requests to zero the force sensor so far; from the slave: the newest one answered
+  ZeroAnswer zero_answer = ZeroAnswer::none;  ///< from the slave
+  double sensor_drift_n = 0.0;                ///< from the slave: SensorRest::drift_n
 
   [[nodiscard]] bool finite() const noexcept {
     const auto is_finite = [](double x) { return std::isfinite(x); };
-    return std::isfinite(energy_j) && std::isfinite(link_energy_j) &&
+    return std::isfinite(energy_j) && std::isfinite(link_energy_j) && std::isfinite(sensor_drift_n) &&
            std::all_of(joint_rad.begin(), joint_rad.begin() + joints, is_finite) &&
            std::all_of(object_m.begin(), object_m.end(), is_finite) &&
            std::all_of(surface.begin(), surface.begin() + count, [](const Surface& s) {

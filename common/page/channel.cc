@@ -65,6 +65,7 @@ constexpr Form kForms[] = {
     {"network", Kind::network, 0, {Range{0.0, kPageDelayMs}, {0.0, kPageJitterMs}, {0.0, kPageLoss}}},
     // The slave judges: a surface may be outside the limits of a request already.
     {"surface", Kind::surface, static_cast<int>(kAdjustableSurfaces), {Range{0.0, kAny}, {0.0, kAny}}},
+    {"zero", Kind::zero},
     {"method", Kind::method, kAnyIndex},
     {"clutch", Kind::clutch, 2},
     {"rehome", Kind::rehome},

@@ -60,6 +60,9 @@ struct PageSample {
   std::array<double, kAdjustableSurfaces> surface_stiffness_n_per_m{};
   std::array<double, kAdjustableSurfaces> surface_friction{};  ///< negative: cannot be changed
   std::array<double, kMostJoints> joint_rad{};                 ///< of the robot's arm, where it is one
+  double sensor_drift_n = -1.0;                                ///< SensorRest::drift_n of the robot
+  double zero_answer = 0.0;                                    ///< ZeroAnswer to the newest request of this side
+  double zero_asked = 0.0;                                     ///< 1 while a request waits for its answer
   double dropped = 0.0;                                        ///< samples that the page was too slow for
   // Where the ports are joints, all above is of the tools of leader and follower; besides, zero from the last joint on:
   std::array<double, kMostJoints> leader_rad{};
@@ -122,6 +125,9 @@ void for_each_page_field(Sample& s, See&& see, bool joints = false) {
   vector("surface_stiffness_n_per_m", s.surface_stiffness_n_per_m);
   vector("surface_friction", s.surface_friction);
   vector("joint_rad", s.joint_rad);
+  number("sensor_drift_n", s.sensor_drift_n);
+  number("zero_answer", s.zero_answer);
+  number("zero_asked", s.zero_asked);
   number("dropped", s.dropped);
   if (!joints) return;
   vector("leader_rad", s.leader_rad);
@@ -139,6 +145,7 @@ struct PageCommand {
     opening,  ///< number 0: opening that the hand intends at the gripper [m]
     // Those above are of the hand.
     network,  ///< which: 0 to the slave, 1 to the master; numbers: delay [ms], jitter [ms], loss [1]
+    zero,     ///< the force sensor of the robot; the slave judges
     surface,  ///< which: of the environment; numbers: stiffness [N/m], friction [1], at least 0
               ///< and not limited further: the slave refuses
     method,   ///< which: index into the methods that the page was told
@@ -170,6 +177,7 @@ inline constexpr double kPageDelayMs = 500.0, kPageJitterMs = 50.0, kPageLoss = 
 ///     opening M
 ///     network to_slave|to_master DELAY_MS JITTER_MS LOSS
 ///     surface INDEX N_PER_M FRICTION
+///     zero
 ///     method INDEX
 ///     clutch 0|1
 ///     rehome

@@ -151,10 +151,12 @@ std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
   }
   std::array<std::string_view, kEnvironmentAnswers> answers;
   for (std::size_t a = 0; a < answers.size(); ++a) answers[a] = sentence(static_cast<EnvironmentAnswer>(a));
+  std::array<std::string_view, kZeroAnswers> zero_answers;
+  for (std::size_t a = 0; a < zero_answers.size(); ++a) zero_answers[a] = sentence(static_cast<ZeroAnswer>(a));
   const Eigen::Vector3d home = s.device ? vector<3>(s.device->position_m) : Eigen::Vector3d::Zero().eval();
   const Eigen::Vector3d robot_home = s.robot ? vector<3>(s.robot->position_m) : Eigen::Vector3d::Zero().eval();
   std::vector<int> without_motor;
-  for (int axis = 0; axis < 8; ++axis)
+  for (int axis = 0; axis < kJointPort; ++axis)
     if ((s.control.without_motor >> axis & 1) != 0) without_motor.push_back(axis);
   const ShownShapes shown = i.world ? *i.world : shown_shapes(s);
   const auto of_scene = [&](const Json& all) { return i.world ? Json{"[]"} : all; };
@@ -172,7 +174,7 @@ std::string describe_for_page(const Scene& s, const PageIntroduction& i) {
                 "linked", s.control.architecture != Architecture::render, "to_slave", network(s.to_slave), "to_master",
                 network(s.to_master), "network_limits", network(kPageDelayMs, kPageJitterMs, kPageLoss), "environment",
                 of_scene(list(s.environment, element)), "meshes", list(shown.meshes, part<TriangleMesh>),
-                "environment_answers", answers, "surface_limits",
+                "environment_answers", answers, "zero_answers", zero_answers, "surface_limits",
                 object("stiffness_n_per_m", kSurfaceStiffnessMost, "friction", kSurfaceFrictionMost), "layer_figures",
                 list(kLayerFigures, figure), "tool", of_scene({json(s.tool)}), "tool_parts",
                 list(shown.tool_parts, any_part), "tool_alone", shown.tool_alone, "arm",

@@ -164,6 +164,7 @@ std::vector<std::string> configurations(const Scene& scene);
 ///     tell_end(summary)         optional: when the run is over
 ///     gripper                   a unique_ptr to a LiveGripper, null where the scene has none
 ///     lets_go()                 has the hardware let go by itself?
+///     sensor()                  optional: SensorRest of the robot's force sensor
 template <class LiveSide>
 int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments, spdlog::logger& log) {
   constexpr int N = LiveSide::kSize;
@@ -221,6 +222,7 @@ int run_live(LiveSide& side, const Scene& scene, const LiveArguments& arguments,
     seen.let_go = let_go;
     seen.stopped_by = plant.stopped_by;
     seen.switches = switches_by_hand();
+    if constexpr (requires { side.sensor(); }) seen.sensor = side.sensor();
     return seen;
   };
   // Leaves what has been recorded. `hangs`: why the watchdog ends the program; empty where the loop has ended by itself.

@@ -12,6 +12,7 @@
 #include "common/base/print_error.h"
 #include "common/base/text.h"
 #include "common/platform/arguments.h"
+#include "common/platform/keys.h"
 #include "common/platform/realtime.h"
 #include "common/platform/watchdog.h"
 #include "common/record/summary.h"
@@ -125,6 +126,7 @@ int live_program(int argc, char** argv, Side side, const std::string& drivers,
                         ": control.architecture is UNCONTROLLED, which does not run live; use twoport-lab run");
     stop_on_signals();   // before hardware is opened, so that whatever has been opened is released
     switches_by_hand();  // SIGUSR1 to a slave counts, and does nothing
+    zeroings_by_hand();  // before anything has real-time priority
     const Watchdog watchdog{name};
     return body(scene, a);
   });

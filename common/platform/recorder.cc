@@ -49,6 +49,7 @@ void Recorder<N>::drain() {
       if (entry.view.stopped_by != nullptr && !std::exchange(stopped_, true))
         say(entry, fmt::format("stopped by {}: no force until both programs have ended", entry.view.stopped_by));
       if (entry.view.switches != switches_) log_ignored_switch(entry);
+      log_sensor(entry);
       if (!entry.recorded) continue;
       any = true;
       if (rows_++ % o_.trace_every == 0) {
@@ -160,6 +161,21 @@ void Recorder<N>::log_counts(const Entry& entry) {
     say(entry, fmt::format("reports of the {} that were too old to count: {} so far; {}", peer(), v.stale,
                            v.answers ? "they waited on the way, or one of the sides stood still"
                                      : fmt::format("the {} hears nothing of this side", peer())));
+}
+
+/// Answers to requests to zero the sensor; its drift when it counts as a contact, and then whenever it has doubled.
+template <int N>
+void Recorder<N>::log_sensor(const Entry& entry) {
+  const SensorRest& s = entry.view.sensor;
+  if (std::exchange(zero_answers_, s.answered) != s.answered) {
+    const bool zeroed = s.answer == ZeroAnswer::zeroed;
+    say(entry, std::string{sentence(s.answer)} +
+                   (zeroed && s.taken_n > 0.0 ? fmt::format(": {:.2f} N are taken away", s.taken_n) : ""));
+    if (zeroed) drift_said_n_ = 0.0;
+  }
+  if (s.drift_n <= std::max(kSensorDriftSaid_n, 2.0 * drift_said_n_)) return;
+  drift_said_n_ = s.drift_n;
+  say(entry, fmt::format("the force sensor reads {:.2f} N while nothing is pressed; z and Enter zeroes it", s.drift_n));
 }
 
 /// Why this side is not coupled, in words.

@@ -9,6 +9,7 @@
 
 #include "common/base/built_for.h"
 #include "common/base/ring.h"
+#include "common/link/sensor_rest.h"
 #include "common/platform/live_recording.h"
 #include "common/platform/log.h"
 #include "common/platform/plot_stream.h"
@@ -36,6 +37,7 @@ struct TickView {
   LimitCounts limits{};
   std::uint32_t epoch = 0;  ///< of the method
   unsigned switches = 0;    ///< asked for by hand so far
+  SensorRest sensor{};      ///< of the robot
 };
 
 /// The recording thread of a live run: takes rows from the cycle through a ring buffer, writes the trace, computes the
@@ -113,6 +115,7 @@ class Recorder {
   void log_change(const Entry& entry);
   void log_limits(const Entry& entry);
   void log_counts(const Entry& entry);
+  void log_sensor(const Entry& entry);
   [[nodiscard]] const char* peer() const { return o_.side == Side::master ? "slave" : "master"; }
   [[nodiscard]] std::string why_apart(const TickView& view) const;
   void log_ignored_switch(const Entry& entry);
@@ -140,6 +143,8 @@ class Recorder {
   bool stopped_ = false;                    ///< said so
   std::uint32_t epoch_ = 0;
   unsigned switches_ = 0;
+  std::uint32_t zero_answers_ = 0;
+  double drift_said_n_ = 0.0;
   Duration latest_{0};         ///< latest tick since the line was shown
   double dissipated_j_ = 0.0;  ///< by the controller since then
   bool terminal_ = false;

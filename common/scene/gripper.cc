@@ -38,7 +38,7 @@ schema::Control control_of(const Block<schema::Scene>& scene, const Block<schema
   if (gripper.has_motion_scale()) control.set_motion_scale(gripper.motion_scale());
   if (gripper.has_device_limits()) *control.mutable_device_limits() = gripper.device_limits();
   if (gripper.has_robot_limits()) *control.mutable_robot_limits() = gripper.robot_limits();
-  control.mutable_registration()->set_mode(schema::Registration::ABSOLUTE);
+  if (main.registration().has_mode()) control.mutable_registration()->set_mode(main.registration().mode());
   // The options of single methods stand for the main coupling's stiffness and masses; here they are the defaults.
   schema::Passivity& passivity = *control.mutable_passivity();
   if (main.passivity().has_method()) passivity.set_method(main.passivity().method());

@@ -113,6 +113,9 @@ void write_environment(schema::Datagram& message, const EnvironmentMessage& e) {
   message.set_environment_answer(static_cast<std::uint32_t>(e.answer));
   message.set_environment_energy_j(e.energy_j);
   message.set_link_energy_j(e.link_energy_j);
+  message.set_zero_number(e.zero_number);
+  message.set_zero_answer(static_cast<std::uint32_t>(e.zero_answer));
+  message.set_sensor_drift_n(e.sensor_drift_n);
   if (e.joints > 0)
     std::copy_n(e.joint_rad.begin(), e.joints, message.mutable_joint_rad()->AddNAlreadyReserved(e.joints));
   if constexpr (N == kJointPort)
@@ -130,10 +133,12 @@ bool read_environment(const schema::Datagram& message, EnvironmentMessage& e) {
   const int size = message.environment_size();
   if (message.environment_number() == 0)
     return size == 0 && message.environment_answer() == 0 && message.environment_energy_j() == 0.0 &&
-           message.link_energy_j() == 0.0 && message.joint_rad_size() == 0 && message.object_m_size() == 0;
+           message.link_energy_j() == 0.0 && message.joint_rad_size() == 0 && message.object_m_size() == 0 &&
+           message.zero_number() == 0 && message.zero_answer() == 0 && message.sensor_drift_n() == 0.0;
   if (size % 2 != 0 || message.joint_rad_size() > static_cast<int>(kMostJoints) ||
       (message.object_m_size() != 0 && message.object_m_size() != kObjectSize<N>) ||
-      size > static_cast<int>(2 * kAdjustableSurfaces) || message.environment_answer() >= kEnvironmentAnswers)
+      size > static_cast<int>(2 * kAdjustableSurfaces) || message.environment_answer() >= kEnvironmentAnswers ||
+      message.zero_answer() >= kZeroAnswers)
     return false;
   e.number = message.environment_number();
   e.answer = static_cast<EnvironmentAnswer>(message.environment_answer());
@@ -142,6 +147,9 @@ bool read_environment(const schema::Datagram& message, EnvironmentMessage& e) {
   for (int i = 0; i < e.count; ++i)
     e.surface[static_cast<std::size_t>(i)] = {message.environment(2 * i), message.environment(2 * i + 1)};
   e.link_energy_j = message.link_energy_j();
+  e.zero_number = message.zero_number();
+  e.zero_answer = static_cast<ZeroAnswer>(message.zero_answer());
+  e.sensor_drift_n = message.sensor_drift_n();
   e.joints = static_cast<std::uint8_t>(message.joint_rad_size());
   std::copy_n(message.joint_rad().data(), e.joints, e.joint_rad.begin());
   e.has_object = message.object_m_size() > 0;
@@ -280,10 +288,10 @@ namespace {
 constexpr std::uint8_t kVarint = 0, kFixed64 = 1, kBytes = 2, kFixed32 = 5, kNone = 0xff;  // wire types
 
 /// By field number, as in proto/report.proto.
-constexpr std::array<std::uint8_t, 30> kTypes = {
-    kNone,   kFixed32, kFixed64, kFixed64, kFixed64, kFixed64, kFixed64, kVarint,  kBytes, kFixed64,
-    kVarint, kFixed64, kFixed64, kBytes,   kVarint,  kBytes,   kFixed32, kVarint,  kBytes, kBytes,
-    kBytes,  kFixed32, kVarint,  kVarint,  kBytes,   kFixed64, kVarint,  kFixed64, kBytes, kBytes};
+constexpr std::array<std::uint8_t, 33> kTypes = {
+    kNone,    kFixed32, kFixed64, kFixed64, kFixed64, kFixed64, kFixed64, kVarint, kBytes,  kFixed64, kVarint,
+    kFixed64, kFixed64, kBytes,   kVarint,  kBytes,   kFixed32, kVarint,  kBytes,  kBytes,  kBytes,   kFixed32,
+    kVarint,  kVarint,  kBytes,   kFixed64, kVarint,  kFixed64, kBytes,   kBytes,  kVarint, kVarint,  kFixed64};
 constexpr std::uint32_t kVersion = 1, kSession = 2, kPeerSession = 3, kRefusal = 13;
 
 }  // namespace

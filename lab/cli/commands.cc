@@ -155,6 +155,11 @@ std::optional<HostedRobot> open_robot(const std::string& choice, const Scene& sc
   });
 }
 
+std::optional<HostedRobot> open_robot(const std::string& choice, const std::string& scene,
+                                      const std::vector<std::string>& set) {
+  return choice.empty() ? std::nullopt : open_robot(choice, load_scene(scene, set));
+}
+
 void refuse_replaced(const std::string& option, const std::vector<std::string>& paths) {
   for (const std::string& path : paths)
     for (const char* const field : {"environment", "robot.force_sensor", "robot.arm"})

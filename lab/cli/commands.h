@@ -74,6 +74,9 @@ void show_runs(const Progress& progress);
 CLI::Option* add_robot(CLI::App& command, std::string& robot);
 /// The robot of that option; nothing where it was not given. Throws ConfigError where it cannot be opened or the scene cannot have it.
 std::optional<HostedRobot> open_robot(const std::string& choice, const Scene& scene);
+/// The same for a scene that is read where there is a choice only.
+std::optional<HostedRobot> open_robot(const std::string& choice, const std::string& scene,
+                                      const std::vector<std::string>& set);
 
 /// Throws ConfigError, which begins with `option`, where one of the paths is what the world of --robot takes the place of.
 void refuse_replaced(const std::string& option, const std::vector<std::string>& paths);

@@ -70,9 +70,8 @@ int map_command(MapArguments& a) {
   take("--stiffness", a.stiffnesses, a.map.stiffnesses_n_per_m);
   a.map.verdict = verdict_from(a.verdict);
   a.map.lanes = checked_lanes(a.lanes.value_or(0));
-  std::optional<HostedRobot> robot;
-  if (!a.robot.empty()) {
-    robot = open_robot(a.robot, load_scene(a.map.scene, a.map.set));
+  const std::optional<HostedRobot> robot = open_robot(a.robot, a.map.scene, a.map.set);
+  if (robot) {
     a.map.robot = &*robot;
     if (a.stiffnesses.empty()) a.map.stiffnesses_n_per_m = {0.0};
   }
@@ -147,7 +146,7 @@ struct RecommendArguments {
   double burst = 1.0;
   int seeds = 3, jobs = 1;
   bool json = false;
-  std::string methods, link, scene;
+  std::string methods, link, scene, robot;
 };
 
 int status_of(const std::string& recommended) {
@@ -158,12 +157,14 @@ int recommend_for_link(const RecommendArguments& a) {
   const LinkTrace link = parse_link_trace(read_text(a.link), a.link);
   for (const auto& [name, way] : {std::pair{"to_slave", &link.to_slave}, {"to_master", &link.to_master}})
     if (way->empty()) throw ConfigError{fmt::format("{} has no row of {}; both directions are needed", a.link, name)};
+  const std::optional<HostedRobot> robot = open_robot(a.robot, a.scene, {});
   const LinkAdvice advice = recommend(link,
                                       {.scene = a.scene,
                                        .set = {},
                                        .methods = words_of("--methods", a.methods),
                                        .stiffnesses_n_per_m = {a.stiffness.value_or(a.scene.empty() ? 1000.0 : 0.0)},
                                        .seeds = 1,
+                                       .robot = robot ? &*robot : nullptr,
                                        .jobs = a.jobs},
                                       show_progress);
   std::fputs((a.json ? to_json(advice) : to_text(advice)).c_str(), stdout);
@@ -216,9 +217,10 @@ void add_recommend(CLI::App& app, Chosen& chosen) {
   recommend.add_option("--burst-packets", a->burst, "Mean number of packets lost in a row")
       ->capture_default_str()
       ->excludes(link);
-  recommend.add_option("--scene", a->scene, "With --link: another scene than that of map")
-      ->transform(scene_file)
-      ->needs(link);
+  CLI::Option* scene = recommend.add_option("--scene", a->scene, "With --link: another scene than that of map")
+                           ->transform(scene_file)
+                           ->needs(link);
+  add_robot(recommend, a->robot)->needs(scene);
   recommend.add_option("--seeds", a->seeds, "Runs per method")->capture_default_str();
   recommend.add_option("--methods", a->methods, "NAME,NAME or TRANSPARENCY+PASSIVITY; every named method if absent");
   recommend.add_flag("--json", a->json, "Print the same as JSON");
@@ -246,13 +248,15 @@ hand, both  least energy put in through the hand's port, through hand's and robo
 struct MatrixArguments {
   MatrixOptions matrix;
   std::optional<int> lanes;
-  std::string transparencies, passivities, out;
+  std::string transparencies, passivities, out, robot;
 };
 
 int matrix_command(MatrixArguments& a) {
   a.matrix.transparencies = words_of("--transparency", a.transparencies);
   a.matrix.passivities = words_of("--passivity", a.passivities);
   a.matrix.lanes = checked_lanes(a.lanes.value_or(0));
+  const std::optional<HostedRobot> robot = open_robot(a.robot, a.matrix.scene, a.matrix.set);
+  if (robot) a.matrix.robot = &*robot;
   if (!a.out.empty()) make_folder(a.out);
   const Matrix all = matrix(a.matrix, show_progress);
   fmt::print("{}what it says: twoport-lab matrix --help\n", to_text(all));
@@ -267,6 +271,7 @@ void add_matrix(CLI::App& app, Chosen& chosen) {
   CLI::App& matrix =
       *app.add_subcommand("matrix", "Every transparency layer under every passivity layer, on one scene");
   add_scene(matrix, a->matrix.scene, a->matrix.set);
+  add_robot(matrix, a->robot);
   matrix.add_option("--transparency", a->transparencies, "LAYER,LAYER; if absent all that some pair can run with");
   matrix.add_option("--passivity", a->passivities, "LAYER,LAYER; if absent all that some pair can run with");
   matrix.add_option("--out", a->out, "Folder for table.csv and the picture");
@@ -282,11 +287,13 @@ sides. Every pair has the E(0) that the scene has as it is. A claim that counts 
 
 struct CompareArguments {
   CompareOptions compare;
-  std::string methods;
+  std::string methods, robot;
 };
 
 int compare_command(CompareArguments& a) {
   a.compare.methods = words_of("--methods", a.methods);
+  const std::optional<HostedRobot> robot = open_robot(a.robot, a.compare.scene, a.compare.set);
+  if (robot) a.compare.robot = &*robot;
   if (!a.compare.out.empty()) make_folder(a.compare.out);
   const Comparison all = compare(a.compare, show_progress);
   fmt::print("{}what the columns say: twoport-lab compare --help\n", to_text(all));
@@ -301,6 +308,7 @@ void add_compare(CLI::App& app, Chosen& chosen) {
   CLI::App& compare =
       *app.add_subcommand("compare", "Every method on one scene: a table, and their traces in one picture");
   add_scene(compare, a->compare.scene, a->compare.set);
+  add_robot(compare, a->robot);
   compare.add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
   compare.add_option("--out", a->compare.out, "Folder for table.csv and the picture");
   add_jobs(compare, a->compare.jobs);

@@ -33,12 +33,13 @@ namespace {
 struct BoundaryArguments {
   BoundaryOptions boundary;
   std::optional<int> lanes;
-  std::string interval, along, out;
+  std::string interval, along, out, robot;
 };
 
 int curve_command(BoundaryArguments& a) {
   const Axis along = parse_axis(a.along, "--along");
   warn_if_lost(a.boundary.set, along.paths);
+  if (!a.robot.empty()) refuse_replaced("--along " + along.name(), along.paths);
   if (!a.out.empty()) make_folder(a.out);
   a.boundary.stop = &stop_by_user();
   Sketch sketch{a.out, "boundary.png"};
@@ -70,6 +71,9 @@ int boundary_command(BoundaryArguments& a) {
   a.boundary.vary = parse_interval(a.interval);
   warn_if_lost(a.boundary.set, a.boundary.vary.paths);
   a.boundary.lanes = checked_lanes(a.lanes.value_or(0));
+  if (!a.robot.empty()) refuse_replaced("--vary " + a.boundary.vary.name(), a.boundary.vary.paths);
+  const std::optional<HostedRobot> robot = open_robot(a.robot, a.boundary.scene, a.boundary.set);
+  if (robot) a.boundary.robot = &*robot;
   if (!a.along.empty()) return curve_command(a);
   const auto print = [](const Trial& t) {
     fmt::print("{:<14} {:<9} {}\n", t.value, t.stable ? "stable" : "unstable", t.verdict);
@@ -252,6 +256,7 @@ void add_boundary_command(CLI::App& app, Chosen& chosen) {
       .add_option("--vary", a->interval,
                   "PATH=LO:HI, LO < HI; stable at one end and unstable at the other; A,B=LO:HI varies both")
       ->required();
+  add_robot(boundary, a->robot);
   CLI::Option* along =
       boundary.add_option("--along", a->along, "PATH=SPEC as for sweep --vary: one boundary per value");
   boundary.add_option("--out", a->out, "With --along: folder for boundary.csv and the picture")->needs(along);
@@ -265,13 +270,13 @@ void add_boundary_command(CLI::App& app, Chosen& chosen) {
       ->capture_default_str();
   boundary.footer(
       R"(Prints a line for each run: value, verdict; then whether contact or free space decides: whether, just beyond the
-boundary, the run is unstable without its environment. The last line is PATH = VALUE, the largest value up to which the run is
+boundary, the run is unstable without its environment (not with --robot). The last line is PATH = VALUE, the largest value up to which the run is
 stable (or the smallest, if it is stable at HI). Exit status 2 when both ends agree.
 The verdict is the summary's `stable`. The loop needs an excitation, and near a boundary growth is slow: give the run
 time after the operator's path has ended.
 
 With --along the search is repeated at each value of a second path, and the result is a table: a row for each value, with
-the boundary and a note. The note is empty if the run is stable up to the boundary, and "stable from here up" if it is
+the boundary, a note, and what decides. The note is empty if the run is stable up to the boundary, and "stable from here up" if it is
 stable from there on; if both ends agree there is no boundary, the note states this, and the exit status is 0.
 With --out the table is DIR/boundary.csv, and gnuplot draws DIR/boundary.png and .svg; without, it goes to stdout.
 Ctrl-C leaves what is known: the note of a row then has the nearest value known to be unstable.)");

@@ -80,8 +80,7 @@ int sweep_command(Arguments& a) {
   a.sweep.lanes = checked_lanes(a.lanes.value_or(0));
   if (!a.robot.empty())
     for (const Axis& axis : a.sweep.axes) refuse_replaced("--vary " + axis.name(), axis.paths);
-  std::optional<HostedRobot> robot;
-  if (!a.robot.empty()) robot = open_robot(a.robot, load_scene(a.sweep.scene, a.sweep.set));
+  const std::optional<HostedRobot> robot = open_robot(a.robot, a.sweep.scene, a.sweep.set);
   if (robot) a.sweep.robot = &*robot;
   a.sweep.stop = &stop_by_user();
   Sketch sketch{a.plot == "none" ? std::string{} : a.sweep.out, a.plot + ".png"};

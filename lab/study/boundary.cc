@@ -208,18 +208,50 @@ Boundary find_boundary(const BoundaryOptions& o, const std::function<void(const 
   return *found.boundary;
 }
 
+namespace {
+
+/// The scene just beyond a boundary, without its environment.
+Scene in_free_space(const SceneText& text, const BoundaryOptions& o, const Boundary& boundary) {
+  Scene free = scene_at(text, o.vary, boundary.unstable);
+  free.environment.clear();
+  return free;
+}
+Decided decided_by(const Summary& in_free_space) {
+  const Summary alone = with_verdict_of_both(in_free_space);
+  return {alone.verdict_kind() != "UNSTABLE", alone.verdict()};
+}
+
+/// Of all boundaries that were found.
+std::vector<std::optional<Decided>> what_decides(const BoundaryOptions& o, const std::vector<SceneText>& texts,
+                                                 const std::vector<BoundarySearch>& found, LaneUse& use) {
+  std::vector<std::optional<Decided>> decided(found.size());
+  if (o.robot != nullptr) return decided;
+  std::vector<Scene> scenes;
+  std::vector<std::size_t> numbers;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if (!found[i].boundary) continue;
+    scenes.push_back(in_free_space(texts[i], o, *found[i].boundary));
+    numbers.push_back(i);
+  }
+  std::vector<const Scene*> all;
+  for (const Scene& scene : scenes) all.push_back(&scene);
+  use.add(run_many(all, {.lanes = o.lanes, .jobs = o.jobs, .verdict = o.verdict, .stop = o.stop},
+                   [&](std::size_t i, const Summary& s) { decided[numbers[i]] = decided_by(s); }));
+  return decided;
+}
+
+}  // namespace
+
 std::optional<Decided> what_decides(const BoundaryOptions& o, const Boundary& boundary) {
   if (o.robot != nullptr) return std::nullopt;
-  Scene free = scene_at({text_of(o), o.scene, o.set}, o.vary, boundary.unstable);
-  free.environment.clear();
-  const Summary alone = with_verdict_of_both(run(free, {.verdict = o.verdict, .stop = o.stop}));
-  return Decided{alone.verdict_kind() != "UNSTABLE", alone.verdict()};
+  return decided_by(
+      run(in_free_space({text_of(o), o.scene, o.set}, o, boundary), {.verdict = o.verdict, .stop = o.stop}));
 }
 
 BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along, const Heard& heard,
                              const std::function<void(const BoundaryCurve&)>& coarse) {
   refuse_overlap(along, o.vary.paths, "--along");
-  BoundaryCurve curve{.scene = {}, .along = along, .vary = o.vary, .found = {}, .use = {}};
+  BoundaryCurve curve{.scene = {}, .along = along, .vary = o.vary, .found = {}, .decided = {}, .use = {}};
   // A scene that is wrong is found before anything runs.
   const std::string text = text_of(o);
   std::vector<SceneText> texts;
@@ -238,6 +270,7 @@ BoundaryCurve boundary_curve(const BoundaryOptions& o, const Axis& along, const 
       for (const Search& search : searches) curve.found.push_back(search.found());
       if (coarse) coarse(curve);
     });
+    curve.decided = what_decides(o, texts, curve.found, curve.use);
   } catch (const Stopped&) {
     curve.stopped = true;
   }
@@ -248,7 +281,7 @@ Table to_table(const BoundaryCurve& curve) {
   Table table;
   table.columns = curve.along.paths;
   table.columns.insert(table.columns.end(), curve.vary.paths.begin(), curve.vary.paths.end());
-  table.columns.emplace_back("note");
+  table.columns.insert(table.columns.end(), {"note", "decides"});
   for (std::size_t i = 0; i < curve.found.size(); ++i) {
     const BoundarySearch& at = curve.found[i];
     Values& row = table.rows.emplace_back(curve.along.paths.size(), Value{curve.along.values[i]});
@@ -258,6 +291,8 @@ Table to_table(const BoundaryCurve& curve) {
     if (at.disagreement) note += fmt::format(" but not at {}", *at.disagreement);
     if (at.open) note += fmt::format("{}stopped: unstable at {}", note.empty() ? "" : ", ", at.boundary->unstable);
     row.emplace_back(std::move(note));
+    const bool known = !curve.decided.empty() && curve.decided[i];
+    row.emplace_back(!known ? std::string{} : curve.decided[i]->by_contact ? "contact" : "free space");
   }
   return table;
 }

@@ -77,6 +77,8 @@ struct BoundaryCurve {
   Axis along;
   Interval vary;
   std::vector<BoundarySearch> found;  ///< one for each of along.values; none where it was stopped within the scan
+  /// As what_decides(), of each of `found`; nothing where there is no boundary. Empty where it was stopped.
+  std::vector<std::optional<Decided>> decided;
   LaneUse use;
   bool stopped = false;
 };
@@ -87,7 +89,7 @@ struct BoundaryCurve {
 BoundaryCurve boundary_curve(const BoundaryOptions& options, const Axis& along, const Heard& heard = {},
                              const std::function<void(const BoundaryCurve&)>& coarse = {});
 
-/// A row for each value: the paths of `along`, the varied paths, and a note. The note is empty where the
+/// A row for each value: the paths of `along`, the varied paths, a note, and what decides: "contact" or "free space". The note is empty where the
 /// run is stable from LO up to the value, "stable from here up" where it is from the value up to HI. Without a boundary
 /// the varied columns are empty and the note says "stable at both ends" or "unstable at both ends".
 Table to_table(const BoundaryCurve& curve);

@@ -96,7 +96,7 @@ Comparison compare(const CompareOptions& o, const Heard& heard) {
       make_folder(folder);
       trace.emplace(folder + "/trace.csv");
     }
-    all.summaries[i] = run(scenes[i], {.trace = trace ? &*trace : nullptr});
+    all.summaries[i] = run(scenes[i], {.trace = trace ? &*trace : nullptr, .robot = o.robot});
     if (!trace) return;
     trace->commit();
     leave_summary(all.summaries[i], folder);
@@ -106,7 +106,7 @@ Comparison compare(const CompareOptions& o, const Heard& heard) {
        {std::pair{&as_it_is.to_slave, as_it_is.master_rate_hz}, {&as_it_is.to_master, as_it_is.slave_rate_hz}})
     all.unplayed_s =
         std::max(all.unplayed_s, static_cast<double>(way->recorded_delay_s.size()) / rate_hz - as_it_is.duration_s);
-  const double reference_n = reference_force_n(scene_with(std::string{kPlainMethod}));
+  const double reference_n = reference_force_n(scene_with(std::string{kPlainMethod}), nullptr, o.robot);
   for (std::size_t m = 0; m < all.methods.size(); ++m)
     all.standings.push_back(standing_of(all.methods[m], {all.summaries[m]}, reference_n, initial_energy_j));
   return all;
@@ -270,7 +270,8 @@ Matrix matrix(const MatrixOptions& o, const Heard& heard) {
       }
     }
   Tally tally{scenes.size(), heard};
-  run_cells({scenes.size(), 1, [&](std::size_t i) { return scenes[i]; }}, {.lanes = o.lanes, .jobs = o.jobs}, tally,
+  run_cells({scenes.size(), 1, [&](std::size_t i) { return scenes[i]; }},
+            {.lanes = o.lanes, .jobs = o.jobs, .robot = o.robot}, tally,
             [&](std::size_t i, std::uint64_t, const std::vector<Summary>& of_seeds) {
               Matrix::Cell& cell = m.cells[numbers[i]];
               cell.summary = of_seeds.front();

@@ -14,7 +14,8 @@ namespace twoport::lab {
 struct CompareOptions {
   std::string scene;
   std::vector<std::string> set;
-  std::vector<std::string> methods;  ///< empty: every method
+  std::vector<std::string> methods;    ///< empty: every method
+  const HostedRobot* robot = nullptr;  ///< as RunOptions::robot
   int jobs = 1;
   std::string out;  ///< folder; METHOD/summary.json and METHOD/trace.csv are written there; empty: nothing
 };
@@ -82,6 +83,7 @@ struct MatrixOptions {
   std::string scene;
   std::vector<std::string> set;
   std::vector<std::string> transparencies, passivities;  ///< empty: every layer that some pair can run with
+  const HostedRobot* robot = nullptr;                    ///< as RunOptions::robot
   int jobs = 1;
   int lanes = 0;  ///< as ManyRuns::lanes
 };

@@ -37,7 +37,8 @@ void check(std::span<const std::byte> bytes) {
   require(a.finite() && a.count <= kAdjustableSurfaces, "the environment is finite");
   require(a.number == b.number && a.answer == b.answer && a.count == b.count && a.energy_j == b.energy_j &&
               a.link_energy_j == b.link_energy_j && a.joints == b.joints && a.joint_rad == b.joint_rad &&
-              a.has_object == b.has_object && a.object_m == b.object_m,
+              a.has_object == b.has_object && a.object_m == b.object_m && a.zero_number == b.zero_number &&
+              a.zero_answer == b.zero_answer && a.sensor_drift_n == b.sensor_drift_n,
           "and the same");
 }
 

@@ -112,12 +112,19 @@ TEST(RunGripper, OfPlugInsSqueezesAndIsPassive) {
   }
 }
 
+/// Fingers that were let go of under a grip are opened by the object, and relative to that the closed handle does not grip again.
+const Words kGripsAgain{"--set", "control.registration.mode=ABSOLUTE"};
+Words gripping_again(Words more) {
+  more.insert(more.end(), kGripsAgain.begin(), kGripsAgain.end());
+  return more;
+}
+
 /// Where the program has let go of the arm the gripper is released in every tick and gets no command. Afterwards both go on.
 TEST(RunGripper, OfADeviceIsReleasedWhileItsArmHasNoReadings) {
   const Pair pair{press_and_squeeze()};
-  Process slave = pair.listening_slave("slave", {"--set", "duration_s=3"});
-  Process master = pair.master(
-      "master", {"--set", "duration_s=3", "--device", std::string{TWOPORT_GRIPPER_PLUGIN} + ":arm_stale=1.2"});
+  Process slave = pair.listening_slave("slave", gripping_again({"--set", "duration_s=3"}));
+  Process master = pair.master("master", gripping_again({"--set", "duration_s=3", "--device",
+                                                         std::string{TWOPORT_GRIPPER_PLUGIN} + ":arm_stale=1.2"}));
   EXPECT_EQ(master.wait(), Exit{.status = 0}) << master.err();
   slave.wait();
   EXPECT_NE(master.err().find("device gripper: 0 commands and "), std::string::npos) << master.err();
@@ -130,8 +137,9 @@ TEST(RunGripper, OfADeviceIsReleasedWhileItsArmHasNoReadings) {
 
 TEST(RunGripper, OfARobotIsReleasedWhileItsArmsReadingsAreNotFinite) {
   const Pair pair{press_and_squeeze()};
-  Process slave = pair.listening_slave("slave", {"--robot", std::string{TWOPORT_GRIPPER_PLUGIN} + ":arm_nan=1.2"});
-  Process master = pair.master();
+  Process slave =
+      pair.listening_slave("slave", gripping_again({"--robot", std::string{TWOPORT_GRIPPER_PLUGIN} + ":arm_nan=1.2"}));
+  Process master = pair.master("master", kGripsAgain);
   EXPECT_EQ(master.wait(), Exit{.status = 0}) << master.err();
   EXPECT_EQ(slave.wait(), Exit{.status = 0}) << slave.err();
   EXPECT_NE(slave.err().find("robot gripper: 0 commands and "), std::string::npos) << slave.err();

@@ -509,6 +509,51 @@ class Errors(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, "x: 2 numbers"):
             twoport.LiveMaster(scene, address).step([0.0, 0.0], [0.0])
 
+    def test_a_force_sensor_is_zeroed_at_the_masters_request_and_not_under_a_press(self):
+        """A robot that is held, with a sensor that reads 0.7 N of nothing."""
+        import socket
+        import threading
+
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            address = "127.0.0.1:%d" % probe.getsockname()[1]
+        scene = twoport.load_scene(SCENES / "one_axis_wall.textproto", "rate_hz=200", "control.passivity.method=NONE")
+        seen, done = {}, threading.Event()
+
+        def robot():
+            slave = twoport.LiveSlave(scene, address)
+            while not done.is_set():
+                slave.step(0.0, 0.0, 0.7)
+                seen["drift"], seen["answer"] = slave.sensor_drift_n, slave.zero_answer
+
+        thread = threading.Thread(target=robot)
+        thread.start()
+        try:
+            master = twoport.LiveMaster(scene, address)
+
+            def answer(x):
+                for _ in range(200):
+                    mode = master.step([x], [0.0]).mode
+                self.assertEqual(mode, "coupled")
+                before = seen["drift"]
+                master.zero_force_sensor()
+                for _ in range(600):
+                    master.step([x], [0.0])
+                    if master.zero_answer:
+                        break
+                return before, master.zero_answer
+
+            self.assertIsNone(master.sensor_drift_n)
+            before, said = answer(0.0)
+            self.assertAlmostEqual(before, 0.7, delta=1e-9)
+            self.assertEqual(said, "the force sensor is zeroed")
+            self.assertEqual(seen["answer"], said)
+            self.assertAlmostEqual(master.sensor_drift_n, 0.0, delta=1e-9)
+            self.assertIn("not zeroed: the coupling presses", answer(0.005)[1])
+        finally:
+            done.set()
+            thread.join()
+
     def test_objects_that_new_alone_has_made_are_refused(self):
         for name in twoport.__all__:
             cls = getattr(twoport, name)

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
+#include <iterator>
 #include <numbers>
 #include <random>
 #include <string>
@@ -474,11 +475,13 @@ TEST(BoundaryCurve, IsTheBoundaryAtEachValueForAnyNumberOfJobs) {
   const std::string alone = to_csv(to_table(boundary_curve(options, damping)));
   options.jobs = 3;
   EXPECT_EQ(to_csv(to_table(boundary_curve(options, damping))), alone);
-  std::string expected = "device.damping_n_s_per_m," + kStiffness + ",note\n";
+  std::string expected = "device.damping_n_s_per_m," + kStiffness + ",note,decides\n";
   for (const std::string& value : damping.values) {
     BoundaryOptions one = options;
     one.set.push_back("device.damping_n_s_per_m=" + value);
-    expected += fmt::format("{},{},\n", value, find_boundary(one).stable);
+    const Boundary found = find_boundary(one);
+    expected += fmt::format("{},{},,{}\n", value, found.stable,
+                            what_decides(one, found)->by_contact ? "contact" : "free space");
   }
   EXPECT_EQ(alone, expected);
 }
@@ -499,9 +502,10 @@ TEST(BoundaryProgram, MakesACurveWhoseRowsSayWhereThereIsNoBoundary) {
   EXPECT_EQ(to_stdout.wait(), exited(0)) << to_stdout.err();
   EXPECT_EQ(to_stdout.err(), "");
   const std::string text = to_stdout.out();
-  EXPECT_EQ(text.rfind("device.damping_n_s_per_m," + kStiffness + ",note\n0.05,,unstable at both ends\n0.5,", 0), 0U)
+  EXPECT_EQ(
+      text.rfind("device.damping_n_s_per_m," + kStiffness + ",note,decides\n0.05,,unstable at both ends,\n0.5,", 0), 0U)
       << text;
-  EXPECT_NE(text.find("\n5,,stable at both ends\n"), std::string::npos) << text;
+  EXPECT_NE(text.find("\n5,,stable at both ends,\n"), std::string::npos) << text;
   const std::size_t row = text.find("\n0.5,") + 5;
   EXPECT_NEAR(std::stod(text.substr(row)), critical_stiffness({.period_s = 5e-4}), 2.0);  // 1e-3 of it
 
@@ -539,7 +543,8 @@ TEST(BoundaryCurve, StoppedAfterTheScanHasTheSidesThatAreKnown) {
     EXPECT_FALSE(whole.found[i].open);
     EXPECT_LE(some.found[i].boundary->stable, whole.found[i].boundary->stable);
     EXPECT_GE(some.found[i].boundary->unstable, whole.found[i].boundary->unstable);
-    EXPECT_EQ(rows.rows[i].back().text(), fmt::format("stopped: unstable at {}", some.found[i].boundary->unstable));
+    EXPECT_EQ(std::prev(rows.rows[i].end(), 2)->text(),
+              fmt::format("stopped: unstable at {}", some.found[i].boundary->unstable));
   }
 }
 
@@ -549,8 +554,9 @@ TEST(BoundaryProgram, MakesACurveOfLinkedPathsAndOfTheLeastStableValue) {
                                     kStiffness + "," + other + "=1000,2000", "--set",
                                     "environment[1].spring.anchor_m=[0]", "--set", "duration_s=15"});
   const std::string text = p.out();
-  ASSERT_EQ(text.rfind(kStiffness + "," + other + "," + damping + ",note\n1000,1000,0.", 0), 0U) << text << p.err();
-  ASSERT_EQ(test::count(text, ",stable from here up\n"), 2) << text;
+  ASSERT_EQ(text.rfind(kStiffness + "," + other + "," + damping + ",note,decides\n1000,1000,0.", 0), 0U)
+      << text << p.err();
+  ASSERT_EQ(test::count(text, ",stable from here up,contact\n"), 2) << text;
   const auto found = [&](const std::string& row) { return std::stod(text.substr(text.find(row) + row.size())); };
   EXPECT_NEAR(found("\n1000,1000,"), 0.5, 2e-3);  // b = K T/2 of both together; 1e-3, and the mass's small share
   EXPECT_NEAR(found("\n2000,2000,"), 1.0, 4e-3);

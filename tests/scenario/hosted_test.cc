@@ -18,6 +18,7 @@
 #include "lab/run.h"
 #include "lab/study/boundary.h"
 #include "lab/study/chart.h"
+#include "lab/study/compare.h"
 #include "lab/study/map.h"
 #include "lab/study/sweep.h"
 #include "tests/support/folder.h"
@@ -256,6 +257,34 @@ TEST(Hosted, MapsMethodsOverRoundTrips) {
   const Map map = make_map(o);
   EXPECT_FALSE(map.cells[0].holds());
   EXPECT_TRUE(map.cells[1].holds());
+}
+
+/// What compare and matrix say of a world is what a run of it says; without it they run the scene's own plant.
+TEST(Hosted, IsComparedAndPairedAsItRuns) {
+  const HostedRobot robot = open<3>(world(2.0 * kStiffness));
+  const std::string file = test::own_folder() / "press.textproto";
+  write_whole(file, scene_text("INTERNAL_MODEL", 20.0));
+  const double initial_energy_j = load_scene(file).control.initial_energy.si();
+  const auto pressed_n = [&](const std::vector<std::string>& set, const HostedRobot* in) {
+    std::vector<std::string> all = set;
+    all.push_back(fmt::format("control.passivity.initial_energy_j={}", initial_energy_j));
+    return run(load_scene(file, all), {.robot = in}).environment_force_mean_n();
+  };
+  const std::string method = "control.passivity.method=INTERNAL_MODEL";
+  CompareOptions c{.scene = file, .set = {}, .methods = {"INTERNAL_MODEL"}, .robot = &robot, .jobs = 1, .out = {}};
+  const Comparison comparison = compare(c);
+  EXPECT_EQ(comparison.summaries[0].environment_force_mean_n(), pressed_n({method}, &robot));
+  EXPECT_NE(comparison.summaries[0].environment_force_mean_n(), pressed_n({method}, nullptr));
+  EXPECT_TRUE(comparison.standings[0].holds());
+  const MatrixOptions m{.scene = file,
+                        .set = {},
+                        .transparencies = {"DELAYED_FORCE"},
+                        .passivities = {"ENERGY_SPRING"},
+                        .robot = &robot,
+                        .jobs = 1,
+                        .lanes = 0};
+  EXPECT_EQ(matrix(m).at(0, 0).summary.environment_force_mean_n(),
+            pressed_n({"control.transparency.layer=DELAYED_FORCE", "control.passivity.layer=ENERGY_SPRING"}, &robot));
 }
 
 TEST(Hosted, RefusesScenesInWords) {

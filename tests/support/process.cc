@@ -97,7 +97,7 @@ Process::Process(std::vector<std::string> command, const Surroundings& s) : impl
   if (impl_->pid == 0) {
     prctl(PR_SET_PDEATHSIG, SIGKILL, 0, 0, 0);
     if (getppid() != parent) _exit(kCouldNotStart);
-    dup2(in, STDIN_FILENO), dup2(out, STDOUT_FILENO), dup2(err, STDERR_FILENO);
+    dup2(s.terminal ? err : in, STDIN_FILENO), dup2(out, STDOUT_FILENO), dup2(err, STDERR_FILENO);
     if (s.network >= 0 && setns(s.network, CLONE_NEWNET) != 0) _exit(kCouldNotStart);
     if (s.unprivileged) take_rights_away();
     execvp(arguments[0], arguments.data());
@@ -115,6 +115,11 @@ pid_t Process::pid() const {
 }
 void Process::send(int signal) {
   if (!impl_->has_ended()) kill(impl_->pid, signal);
+}
+
+void Process::type(std::string_view text) {
+  if (impl_->terminal < 0 || write(impl_->terminal, text.data(), text.size()) != static_cast<ssize_t>(text.size()))
+    fail("terminal");
 }
 
 Exit Process::wait(std::chrono::milliseconds timeout) {

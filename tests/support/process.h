@@ -33,7 +33,7 @@ constexpr Exit killed_by(int signal) {
 }
 
 struct Surroundings {
-  bool terminal = false;      ///< stderr is a terminal
+  bool terminal = false;      ///< stdin and stderr are a terminal
   bool unprivileged = false;  ///< no right to real time, whoever runs the test
   int network = -1;           ///< descriptor of the network namespace to run in; -1: this one
 };
@@ -48,6 +48,8 @@ class Process {
 
   [[nodiscard]] pid_t pid() const;
   void send(int signal);
+  /// At its terminal.
+  void type(std::string_view text);
   /// Waits for the end. Neither status nor signal when it has not come by then.
   Exit wait(std::chrono::milliseconds timeout = 60s);
   [[nodiscard]] bool running() { return wait(0ms) == Exit{}; }

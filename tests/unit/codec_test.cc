@@ -460,7 +460,10 @@ TYPED_TEST(CodecOf, CarriesWhatIsSaidOfTheEnvironment) {
                       .joints = 6,
                       .joint_rad = {0.1, 0.2, 0.3, 0.4, 0.5, 0.6},
                       .has_object = N == kJointPort,
-                      .object_m = {0.01, -0.02, 0.03}};
+                      .object_m = {0.01, -0.02, 0.03},
+                      .zero_number = 3,
+                      .zero_answer = ZeroAnswer::presses,
+                      .sensor_drift_n = 0.75};
   const Bytes with = encoded(sent);
   Codec<N> codec;
   Envelope<N> got;
@@ -478,6 +481,9 @@ TYPED_TEST(CodecOf, CarriesWhatIsSaidOfTheEnvironment) {
   if (N == kJointPort) {
     EXPECT_EQ(got.environment.object_m, sent.environment.object_m);
   }
+  EXPECT_EQ(got.environment.zero_number, 3U);
+  EXPECT_EQ(got.environment.zero_answer, ZeroAnswer::presses);
+  EXPECT_EQ(got.environment.sensor_drift_n, 0.75);
   expect_same(got.report, sent.report);
   // Without one the packet says so, whatever came before.
   ASSERT_EQ(codec.decode(without, got), Decoded::ok);
@@ -511,6 +517,8 @@ TYPED_TEST(CodecOf, RejectsWhatCannotBeSaidOfTheEnvironment) {
   EXPECT_EQ(with([](auto& m) { m.set_environment(3, HUGE_VAL); }), Decoded::malformed);
   EXPECT_EQ(with([](auto& m) { m.set_link_energy_j(HUGE_VAL); }), Decoded::malformed);
   EXPECT_EQ(with([](auto& m) { m.add_joint_rad(std::nan("")); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& m) { m.set_zero_answer(kZeroAnswers); }), Decoded::malformed);
+  EXPECT_EQ(with([](auto& m) { m.set_sensor_drift_n(std::nan("")); }), Decoded::malformed);
   EXPECT_EQ(with([](auto& m) { m.mutable_joint_rad()->Resize(9, 0.0); }), Decoded::malformed);
   EXPECT_EQ(with([](auto& m) { m.mutable_joint_rad()->Resize(8, 0.0); }), Decoded::ok);
   EXPECT_EQ(with([](auto& m) { m.mutable_object_m()->Resize(2, 0.0); }), Decoded::malformed);

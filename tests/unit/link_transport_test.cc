@@ -10,6 +10,7 @@
 
 #include "common/link/impaired_socket.h"
 #include "common/link/mailbox.h"
+#include "common/link/zero_requests.h"
 #include "tests/support/memory_network.h"
 #include "tests/support/no_alloc.h"
 
@@ -153,6 +154,52 @@ TEST(LinkTransport, CarriesARequestToTheEnvironmentAndTheState) {
   EXPECT_EQ(link.slave.transport().heard_environment().surface[0].stiffness_n_per_m, 700.0) << "an older one";
   EXPECT_EQ(link.master.transport().heard_environment().answer, EnvironmentAnswer::adjustable);
   EXPECT_EQ(link.master.transport().heard_environment().energy_j, 0.5);
+}
+
+/// A request is answered once, whatever packets repeat it; one of an earlier session is none.
+TEST(ZeroRequests, AreAnsweredOnceInTheirSession) {
+  ZeroRequests master;
+  ZeroAnswers slave;
+  EnvironmentMessage asked{.number = 1}, said;
+  SensorRest sensor{.drift_n = 0.4};
+  int times = 0;
+  std::uint64_t session = 1;
+  const auto exchange = [&](int ticks) {
+    for (int k = 0; k < ticks; ++k) {
+      if (slave.hear(asked, session)) {
+        ++times;
+        sensor.asked = true;
+      } else if (sensor.asked && k % 5 == 4) {
+        sensor = {.answer = ZeroAnswer::zeroed, .answered = sensor.answered + 1, .drift_n = 0.0};
+      }
+      slave.say(sensor, said);
+      said.number = asked.number;
+      master.step(said, asked);
+    }
+  };
+  master.step(said, asked);
+  EXPECT_EQ(master.rest().drift_n, -1.0) << "the slave has said nothing";
+  exchange(10);
+  EXPECT_EQ(times, 0);
+  EXPECT_EQ(master.rest().drift_n, 0.4);
+  master.ask();
+  exchange(20);
+  EXPECT_EQ(times, 1);
+  EXPECT_EQ(master.rest().answer, ZeroAnswer::zeroed);
+  EXPECT_EQ(master.rest().answered, 1U);
+  session = 2;
+  exchange(20);
+  EXPECT_EQ(times, 1) << "the number is of the session before";
+  EXPECT_EQ(master.rest().answered, 1U);
+  // Another slave, which has answered nothing yet, in the middle of a request.
+  master.ask();
+  exchange(1);
+  slave = {}, said = {}, sensor = {};
+  session = 1;
+  exchange(40);
+  EXPECT_EQ(times, 2);
+  EXPECT_EQ(master.rest().answered, 2U);
+  EXPECT_FALSE(master.rest().asked);
 }
 
 /// Another program at the master's address knows no number of the session: what it says is not heard.

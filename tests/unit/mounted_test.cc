@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <random>
 #include <utility>
 
@@ -466,6 +467,133 @@ TEST(MountedRobot, TakesWeightAndBiasFromTheForceSensor) {
     EXPECT_LT((f.vec().head<3>() - pressed).norm(), 1e-12);
     EXPECT_LT((f.vec().tail<3>() - torque).norm(), 1e-12);
   }
+}
+
+/// A robot with a sensor that reads what the test says.
+template <int N>
+struct Touchy final : Robot<N> {
+  [[nodiscard]] RobotInfo info() const override { return {.name = "touchy", .has_force_sensor = has_sensor}; }
+  RobotSample<N> sense(const Tick<SlaveClock>&) noexcept override { return sample; }
+  void actuate(const RobotCommand<N>&) noexcept override {}
+  void release() noexcept override {}
+  bool has_sensor = true;
+  RobotSample<N> sample;
+};
+template <int N>
+struct SensorRig {
+  explicit SensorRig(bool has_sensor = true) : owned{std::make_unique<Touchy<N>>()} {
+    owned->has_sensor = has_sensor;
+    inner = owned.get();
+    robot.emplace(std::move(owned), RobotMount{});
+  }
+  /// Runs for so long; the last reading. `each(k)` before every tick.
+  template <class Each>
+  Force<N> run(double seconds, Each each) {
+    Force<N> f;
+    for (int n = static_cast<int>(std::lround(seconds / kPeriod)); n > 0; --n) {
+      each(++k);
+      f = robot->sense({Instant<SlaveClock>{tick_time(k, 1.0 / kPeriod)}, Seconds{kPeriod}}).f_environment;
+      robot->actuate({.f = coupling, .x_d = {}, .v_d = {}});
+    }
+    return f;
+  }
+  Force<N> run(double seconds) {
+    return run(seconds, [](int) {});
+  }
+  ZeroAnswer ask() {
+    robot->zero_sensor();
+    run(0.6);
+    return robot->sensor().answer;
+  }
+  std::unique_ptr<Touchy<N>> owned;
+  Touchy<N>* inner;
+  std::optional<MountedRobot<N>> robot;
+  Force<N> coupling;
+  int k = 0;
+};
+Force<6> wrench(double x, double y, double z, double about_x = 0.0) {
+  Force<6>::Vector f;
+  f << x, y, z, about_x, 0.0, 0.0;
+  return Force<6>{f};
+}
+
+/// The drift is known before anybody asks, is taken away within 0.2 s without a jump, and turns with the tool.
+TEST(SensorZero, TakesAwayWhatTheSensorReadsWithoutAPress) {
+  SensorRig<6> rig;
+  rig.inner->sample.f_environment = wrench(2.0, -1.0, 0.5, 0.02);
+  EXPECT_EQ(rig.run(0.6).vec(), wrench(2.0, -1.0, 0.5, 0.02).vec());
+  EXPECT_NEAR(rig.robot->sensor().drift_n, std::sqrt(5.25), 1e-9);
+  EXPECT_EQ(rig.robot->sensor().answered, 0U);
+  rig.robot->zero_sensor();
+  rig.run(0.499);
+  EXPECT_TRUE(rig.robot->sensor().asked);
+  Force<6> last = rig.run(0.002);
+  EXPECT_EQ(rig.robot->sensor().answer, ZeroAnswer::zeroed);
+  for (int i = 0; i < 210; ++i) {
+    const Force<6> f = rig.run(0.001);
+    EXPECT_LT((f.vec() - last.vec()).norm(), 1.1 * std::sqrt(5.25) * kPeriod / 0.2);
+    last = f;
+  }
+  EXPECT_LT(last.vec().norm(), 1e-9);
+  EXPECT_NEAR(rig.robot->sensor().taken_n, std::sqrt(5.25), 1e-9);
+  rig.run(0.6);
+  EXPECT_LT(rig.robot->sensor().drift_n, 1e-9);
+  // The tool is turned by a quarter about z: the same drift in its axes, and a press of 3 N.
+  rig.inner->sample.x =
+      Position<6>{Eigen::Vector3d::Zero(), rotation(Eigen::Vector3d{0.0, 0.0, 0.5 * 3.14159265358979})};
+  Force<6>::Vector turned;
+  turned << 1.0 + 3.0, 2.0, 0.5, 0.0, 0.02, 0.0;
+  rig.inner->sample.f_environment = Force<6>{turned};
+  EXPECT_LT((rig.run(0.001).vec() - wrench(3.0, 0.0, 0.0).vec()).norm(), 1e-9);
+}
+
+TEST(SensorZero, IsRefusedWhereAPressMayBeTaken) {
+  using enum ZeroAnswer;
+  SensorRig<3> rig;
+  rig.inner->sample.f_environment = force(0.4, 0.0, 0.0);
+  rig.coupling = force(0.4, 0.0, 0.0);
+  rig.run(0.1);
+  EXPECT_EQ(rig.ask(), presses);
+  EXPECT_LT(rig.robot->sensor().drift_n, 0.0) << "what presses is no drift";
+  rig.robot->release();
+  rig.coupling = Force<3>{};
+  rig.inner->sample.f_environment = force(0.0, 10.1, 0.0);
+  EXPECT_EQ(rig.ask(), too_large);
+  const auto ask_while = [&](auto each) {
+    rig.robot->zero_sensor();
+    rig.run(0.6, each);
+    return rig.robot->sensor().answer;
+  };
+  EXPECT_EQ(ask_while([&](int k) { rig.inner->sample.f_environment = force(2e-3 * k, 0.0, 0.0); }), changes);
+  rig.inner->sample.f_environment = force(1.0, 0.0, 0.0);
+  EXPECT_EQ(ask_while([&](int k) { rig.inner->sample.x = position(1e-4 * k, 0.0, 0.0); }), moves);
+  EXPECT_EQ(rig.robot->sensor().zeroed, 0U);
+  EXPECT_EQ(rig.robot->sensor().answered, 4U);
+  EXPECT_EQ(rig.run(0.3).vec(), force(1.0, 0.0, 0.0).vec()) << "nothing was taken away";
+  // A noise of 1 N at rest is none of these.
+  std::mt19937 draw{5};
+  std::normal_distribution<double> noise{1.0, 1.0};
+  EXPECT_EQ(ask_while([&](int) { rig.inner->sample.f_environment = force(noise(draw), 0.0, 0.0); }), zeroed);
+  EXPECT_NEAR(rig.robot->sensor().taken_n, 1.0, 0.2);
+  SensorRig<1> without{false};
+  EXPECT_EQ(without.ask(), no_sensor);
+  SensorRig<kJointPort> arm;
+  EXPECT_EQ(arm.ask(), joints);
+}
+
+/// Readings that are none restart the half second.
+TEST(SensorZero, WaitsForReadings) {
+  SensorRig<1> rig;
+  rig.inner->sample.f_environment = Force<1>{Force<1>::Vector{0.7}};
+  rig.run(0.3);
+  rig.robot->zero_sensor();
+  rig.inner->sample.status = HardwareStatus::stale;
+  rig.run(1.0);
+  EXPECT_TRUE(rig.robot->sensor().asked);
+  rig.inner->sample.status = HardwareStatus::ok;
+  rig.run(0.75);
+  EXPECT_EQ(rig.robot->sensor().answer, ZeroAnswer::zeroed);
+  EXPECT_NEAR(rig.run(0.001)[0], 0.0, 1e-12);
 }
 
 }  // namespace

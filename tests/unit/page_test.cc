@@ -43,6 +43,7 @@ TEST(PageCommand, IsClampedToItsLimits) {
   EXPECT_EQ(network->number[2], kPageLoss);
   EXPECT_EQ(parse_page_command("release")->kind, PageCommand::Kind::release);
   EXPECT_EQ(parse_page_command("method 3")->which, 3);
+  EXPECT_EQ(parse_page_command("zero")->kind, PageCommand::Kind::zero);
   EXPECT_EQ(parse_page_command("take")->kind, PageCommand::Kind::take);
   EXPECT_EQ(parse_page_command("restart")->kind, PageCommand::Kind::restart);
   const auto surface = parse_page_command("surface 2 2e6 -1");

@@ -24,7 +24,7 @@ struct WireVersion {
 };
 constexpr WireVersion kWireVersions[] = {
     {1, 0x569f0f783e77e61f, "0.1.0"},
-    {2, 0x003d9867fc246b51, ""},
+    {2, 0x4808a9f60898443d, ""},
 };
 
 /// Everything about a message that decides its bytes: number, type and repetition of each field, in the order of numbers.

@@ -65,6 +65,7 @@ export interface Introduction {
   environment: Element[];
   meshes: Element[]; // of the environment's meshes, which have no triangles there
   environment_answers: string[]; // sentences, by number
+  zero_answers: string[]; // to requests to zero the force sensor, by number
   surface_limits: { stiffness_n_per_m: number; friction: number };
   layer_figures: [string, string, number][]; // fields of a sample: unit, least dof
   tool: Vec[]; // contact points; so many first ones belong to no part:

@@ -164,6 +164,7 @@ class Page {
     for (const row of document.querySelectorAll<HTMLElement>('.linked'))
       row.hidden = !scene.linked;
     if (scene.leader) element('work-controls').hidden = true; // it couples joints wherever they are
+    if (scene.leader || this.channel.compare) element('sensor-controls').hidden = true; // torques of joints; a sensor that does not drift
     this.makeLayerFigures(scene);
     for (const id of ['let-go', 'home']) element(id).hidden = !scene.pointer;
     element('late-row').hidden = this.channel.compare !== undefined; // its time is that of the frames
@@ -599,7 +600,8 @@ class Page {
     });
     window.addEventListener('keyup', (e) => pressing(e) && this.clutch(false));
     element('rehome').onclick = () => this.channel.send('rehome');
-    element('rehome').addEventListener('pointerdown', (e) => e.preventDefault());
+    element('zero').onclick = () => this.channel.send('zero');
+    for (const id of ['rehome', 'zero']) element(id).addEventListener('pointerdown', (e) => e.preventDefault());
   }
   private makeWorkControls(scene: Introduction): void {
     this.clutching = false;
@@ -703,6 +705,9 @@ class Page {
     stiffness.dataset.there = String(value);
     friction.dataset.there = String(place('surface_friction'));
     showEnergy('environment-energy', at('environment_energy_j'));
+    const drift = at('sensor_drift_n'), zeroNote = at('zero_asked') === 1 ? 'asked; hold still and touch nothing for 0.5 s' : (scene.zero_answers[at('zero_answer')] ?? '');
+    element('sensor-drift').textContent = drift < 0 ? '–' : `${drift.toFixed(2)} N`;
+    if (element('zero-note').textContent !== zeroNote) element('zero-note').textContent = zeroNote;
   }
 
   // The hand.
