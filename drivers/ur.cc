@@ -2,6 +2,8 @@
 #define BOOST_BEAST_USE_STD_STRING_VIEW
 #define BOOST_ASIO_DISABLE_FENCED_BLOCK  // the thread sanitizer does not support fences
 #include <fmt/format.h>
+#include <pthread.h>
+#include <sched.h>
 
 #include <algorithm>
 #include <array>
@@ -116,31 +118,23 @@ end
                      fmt::arg("end", static_cast<int>(Motion::end)), fmt::arg("drives", drives));
 }
 
-std::string name_of_safety(int mode) {
-  constexpr std::array kNames{"NORMAL",
-                              "REDUCED",
-                              "PROTECTIVE_STOP",
-                              "RECOVERY",
-                              "SAFEGUARD_STOP",
-                              "SYSTEM_EMERGENCY_STOP",
-                              "ROBOT_EMERGENCY_STOP",
-                              "VIOLATION",
-                              "FAULT"};
-  return mode >= 1 && mode <= static_cast<int>(kNames.size()) ? kNames[static_cast<std::size_t>(mode - 1)]
-                                                              : fmt::format("number {}", mode);
-}
-std::string name_of_robot(int mode) {
-  constexpr std::array kNames{"NO_CONTROLLER", "DISCONNECTED", "CONFIRM_SAFETY", "BOOTING", "POWER_OFF",
-                              "POWER_ON",      "IDLE",         "BACKDRIVE",      "RUNNING", "UPDATING_FIRMWARE"};
-  return mode >= -1 && mode + 1 < static_cast<int>(kNames.size()) ? kNames[static_cast<std::size_t>(mode + 1)]
-                                                                  : fmt::format("number {}", mode);
+std::string name_of(int mode, int first, std::string_view names) {
+  for (; mode > first && !names.empty(); --mode) names.remove_prefix(std::min(names.find(' '), names.size() - 1) + 1);
+  return mode == first && !names.empty() ? std::string{names.substr(0, names.find(' '))} : "unknown";
 }
 /// Why the robot may not move; empty: it may.
 std::string stopped_by(const rtde::State& s) {
   if (s.safety_mode != kNormal && s.safety_mode != kReduced)
-    return "its safety mode is " + name_of_safety(s.safety_mode) + "; it must be NORMAL or REDUCED";
+    return "its safety mode is " +
+           name_of(s.safety_mode, 1,
+                   "NORMAL REDUCED PROTECTIVE_STOP RECOVERY SAFEGUARD_STOP SYSTEM_EMERGENCY_STOP "
+                   "ROBOT_EMERGENCY_STOP VIOLATION FAULT") +
+           "; it must be NORMAL or REDUCED";
   if (s.robot_mode != kRunning)
-    return "its robot mode is " + name_of_robot(s.robot_mode) +
+    return "its robot mode is " +
+           name_of(s.robot_mode, -1,
+                   "NO_CONTROLLER DISCONNECTED CONFIRM_SAFETY BOOTING POWER_OFF POWER_ON IDLE BACKDRIVE RUNNING "
+                   "UPDATING_FIRMWARE") +
            "; it must be RUNNING: power it on and release its brakes";
   return {};
 }
@@ -208,6 +202,15 @@ class Controller {
                               "inverse kinematics, or no package has come for {} ms",
                               2 * kSilentCycles)
                 : why);
+  }
+  /// A loop in real time gets its readings in time.
+  void follow_priority_of_caller() noexcept {
+    int policy = 0;
+    sched_param own{};
+    pthread_getschedparam(pthread_self(), &policy, &own);
+    if (policy != SCHED_FIFO) return;
+    own.sched_priority = std::max(1, own.sched_priority - 1);
+    pthread_setschedparam(thread_.native_handle(), policy, &own);
   }
   // Of the control step.
   bool take(Reading& reading) noexcept { return readings_.take(reading); }
@@ -489,6 +492,7 @@ class UrRobot final : public Robot<N> {
     if (arm_) numbers *= gain_;
     controller_.push({Motion::move, numbers_of(numbers)});
   }
+  void start() noexcept override { controller_.follow_priority_of_caller(); }
   void release() noexcept override { controller_.push({}); }
   [[nodiscard]] std::string trouble() const override {
     return reading_.fault ? controller_.trouble(reading_.state) : std::string{};

@@ -2,6 +2,9 @@
 
 #define BOOST_ASIO_NO_DEPRECATED
 #define BOOST_ASIO_DISABLE_FENCED_BLOCK
+#include <pthread.h>
+#include <sched.h>
+
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
@@ -406,6 +409,9 @@ class UrController {
     target_ = q_;
   }
   void serve() {
+    // As a controller, where it is permitted: other load does not disturb it.
+    const sched_param real_time{60};
+    pthread_setschedparam(pthread_self(), SCHED_FIFO, &real_time);
     next_ = Clock::now();
     while (going_) {
       try {
