@@ -233,7 +233,7 @@ TEST(Ur, HoldsAContact) {
   UrController controller{TWOPORT_ARMS};
   Loop<3> loop{open<3>(controller)};
   const double x0 = controller.tool_x_m;
-  loop.run(pulled(x0 + 0.04), 4.0);
+  loop.run(pulled(x0 + 0.04), 3.0);
   EXPECT_NEAR(controller.wall_force_n, 20.0 / (1.0 + 1000.0 / 3000.0), 0.5);  // of both springs
   EXPECT_NEAR(loop.sample.f_environment[0], controller.wall_force_n, 0.05);
   EXPECT_LT(controller.tool_speed_m_per_s, 1e-3);
@@ -275,13 +275,13 @@ TEST(Ur, ConnectsAgainAndDoesNotZeroAContact) {
     UrController controller{TWOPORT_ARMS};
     Loop<3> loop{open<3>(controller)};
     const double x0 = controller.tool_x_m;
-    loop.run(pulled(x0 + 0.03), 1.5);
+    loop.run(pulled(x0 + 0.03), 1.0);
     ASSERT_GT(controller.wall_force_n, 5.0);
     (cut ? controller.cut : controller.garbage) = true;
     ASSERT_TRUE(loop.run(pulled(x0 + 0.03), [&] { return loop.robot().lets_go(); }));
     EXPECT_EQ(loop.sample.v.squared_norm(), 0.0);
     ASSERT_TRUE(loop.run(pulled(x0 + 0.03), [&] { return !loop.robot().lets_go(); }));
-    loop.run(pulled(x0 + 0.03), 2.0);
+    loop.run(pulled(x0 + 0.03), 1.5);
     EXPECT_EQ(controller.connections, 2);
     EXPECT_EQ(controller.programs, 2);
     EXPECT_EQ(controller.zeroed, 1);
