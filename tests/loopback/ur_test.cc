@@ -371,7 +371,8 @@ TEST(Ur, AToolFollowsForcesByTheArm) {
 TEST(UrLive, FeelsAWallByTheRobotsSensor) {
   UrController controller{TWOPORT_ARMS};
   const Pair pair{press(3)};
-  const Words more{"--set", "slave_rate_hz=500", "--set", "duration_s=4"};
+  const Words more{
+      "--set", "slave_rate_hz=500", "--set", "duration_s=4", "--set", "control.passivity.method=INTERNAL_MODEL"};
   Words of_slave = more;
   of_slave.insert(of_slave.end(), {"--robot", controller.choice()});
   Process slave = pair.listening_slave("slave", of_slave);
@@ -381,8 +382,7 @@ TEST(UrLive, FeelsAWallByTheRobotsSensor) {
   EXPECT_NE(slave.err().find("the robot obeys positions only"), std::string::npos) << slave.err();
   const Trace trace = pair.trace("slave");
   EXPECT_GT(trace.peak("env_f_0", 2.0, 4.0), 1.0);
-  EXPECT_GT(trace.peak("master_f_0", 3.8, 4.0), 0.5 * trace.peak("env_f_0", 3.8, 4.0));
-  EXPECT_LT(trace.peak("master_f_0", 3.8, 4.0), 2.0 * trace.peak("env_f_0", 3.8, 4.0));
+  EXPECT_NEAR(trace.peak("master_f_0", 3.8, 4.0), trace.peak("env_f_0", 3.8, 4.0), 0.1);
   expect_sound({pair.summary("master"), pair.summary("slave")});
   EXPECT_EQ(controller.ended(), "by itself");
 }
