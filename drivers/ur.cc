@@ -26,7 +26,6 @@
 #include "common/arm/arm_model.h"
 #include "common/base/check.h"
 #include "common/base/text.h"
-#include "common/base/thread.h"
 #include "common/hardware/registry.h"
 #include "common/scene/scene.h"
 #include "drivers/newest.h"
@@ -181,6 +180,7 @@ class Controller {
       throw ConfigError{flag + refused.why};
     }
     thread_ = std::thread{[this] { run(); }};
+    schedule(SCHED_OTHER, {});
   }
   ~Controller() {
     going_ = false;
@@ -210,13 +210,16 @@ class Controller {
     pthread_getschedparam(pthread_self(), &policy, &own);
     if (policy != SCHED_FIFO) return;
     own.sched_priority = std::max(1, own.sched_priority - 1);
-    pthread_setschedparam(thread_.native_handle(), policy, &own);
+    schedule(policy, own);
   }
   // Of the control step.
   bool take(Reading& reading) noexcept { return readings_.take(reading); }
   void push(const Command& command) noexcept { commands_.put(command); }
 
  private:
+  void schedule(int policy, const sched_param& p) noexcept {
+    pthread_setschedparam(thread_.native_handle(), policy, &p);
+  }
   /// One operation of a stream, to its end or for `limit` at most.
   template <class Start>
   Error complete(beast::tcp_stream& stream, Duration limit, Start start) {
@@ -375,7 +378,6 @@ class Controller {
     readings_.put({state_, fault_, true});
   }
   void run() {
-    take_ordinary_priority();
     opening_ = kReopening;
     while (going_) {
       if (stream_) {

@@ -3,7 +3,6 @@
 #include <chrono>
 #include <cmath>
 #include <csignal>
-#include <cstdlib>
 #include <functional>
 #include <iostream>
 #include <memory>
@@ -206,10 +205,7 @@ TEST(Ur, MovesToSetPointsAndHearsOneInEveryCycle) {
   std::cout << missed << " of " << cycles << " cycles had no new set point, at most " << controller.longest_unheard
             << " in a row; " << late << " began late\n";
   if (late > cycles / 200) GTEST_SKIP() << "not judged: the machine was too busy";
-  // A busy machine passes packets on late, whatever the priority of those who wait for them.
-  double load = 0.0;
-  const bool idle = getloadavg(&load, 1) == 1 && load < 1.0;
-  EXPECT_LE(missed, idle ? late : cycles / 8);
+  EXPECT_LE(missed, late + 5);
 }
 
 TEST(Ur, AllocatesNothingInATick) {
