@@ -41,6 +41,11 @@ class Admittance {
     v_ = Velocity<N>{};
     d_ = free_;
   }
+  /// After the robot has gone its own way: at first damped as in contact, as the coupling may be stretched.
+  void resume(const Position<N>& x) noexcept {
+    rest(x);
+    d_ = contact_;
+  }
   void stop() noexcept { v_ = Velocity<N>{}; }
   void step(const Force<N>& f, const Force<N>& on_environment, Seconds dt) noexcept {
     const double h = dt.si();

@@ -273,16 +273,18 @@ class MountedRobot final : public Robot<N> {
   [[nodiscard]] RobotInfo info() const override { return robot_->info(); }
   RobotSample<N> sense(const Tick<SlaveClock>& tick) noexcept override {
     RobotSample<N> s = robot_->sense(tick);
+    const bool let_go = lets_go_;
     lets_go_ = !all_finite(s.x, s.v, s.f_environment);
     if (lets_go_ && any_) [[unlikely]] {
-      robot_->release();
+      release();
       const HardwareStatus status = std::max(s.status, HardwareStatus::stale);
       s = last_;
       s.v = Velocity<N>{};
       s.status = status;
     } else if (!lets_go_) {
       last_ = s;
-      if (!any_ && admittance_) admittance_->rest(s.x);
+      if (admittance_ && !any_) admittance_->rest(s.x);
+      if (admittance_ && let_go) admittance_->resume(s.x);
       any_ = true;
     }
     if (corrects_) correct(s);

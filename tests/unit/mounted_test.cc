@@ -417,6 +417,49 @@ TEST(MountedRobot, HoldsAContactOfARobotThatObeysPositionsOnly) {
   EXPECT_THROW(MountedRobot<3>(std::make_unique<Late>(1e4, servo(125, 0.0, 0.02), false), {}), ConfigError);
 }
 
+/// A robot that was away for a while has stood where the body was not; a stretched coupling then pulls it slowly.
+TEST(MountedRobot, TakesUpARobotWhereItIsAfterReadingsThatAreNotFinite) {
+  struct Away final : Robot<3> {
+    [[nodiscard]] RobotInfo info() const override {
+      RobotInfo info{.name = "away"};
+      info.servo = Servo{.period = Seconds{kPeriod}, .delay = Seconds{0.004}, .lag = Seconds{0.03}};
+      return info;
+    }
+    RobotSample<3> sense(const Tick<SlaveClock>&) noexcept override {
+      RobotSample<3> s;
+      s.x = Position<3>{Eigen::Vector3d{away ? std::numeric_limits<double>::quiet_NaN() : x_m, 0.0, 0.0}};
+      return s;
+    }
+    void actuate(const RobotCommand<3>&) noexcept override {}
+    void release() noexcept override {}
+    bool away = false;
+    double x_m = 0.0;
+  };
+  auto owned = std::make_unique<Away>();
+  Away& inner = *owned;
+  MountedRobot<3> robot{std::move(owned), {}};
+  RobotSample<3> s;
+  const auto run = [&](int ticks) {
+    for (int k = 0; k < ticks; ++k) {
+      s = robot.sense({Instant<SlaveClock>{}, Seconds{kPeriod}});
+      robot.actuate({.f = force(1000.0 * (0.1 - s.x.translation().x()), 0.0, 0.0), .x_d = {}, .v_d = {}});
+    }
+  };
+  run(20);
+  EXPECT_GT(s.v[0], 0.1);
+  inner.away = true;
+  run(1);
+  EXPECT_EQ(s.v[0], 0.0);
+  inner.away = false;
+  inner.x_m = -0.1;
+  run(1);
+  EXPECT_EQ(s.x.translation().x(), -0.1);
+  double fastest = 0.0;
+  for (int k = 0; k < 2000; ++k, run(1)) fastest = std::max(fastest, s.v[0]);
+  EXPECT_NEAR(s.x.translation().x(), 0.1, 1e-3);
+  EXPECT_LT(fastest, 0.35);
+}
+
 TEST(MountedRobot, IsReleasedWhileItsReadingsAreNotFinite) {
   struct Blinking final : Robot<1> {
     [[nodiscard]] RobotInfo info() const override { return {.name = "blinking"}; }
