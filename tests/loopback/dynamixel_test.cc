@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <csignal>
 #include <memory>
 #include <string>
 
@@ -80,6 +81,24 @@ TEST(DynamixelLive, EndsAndLetsGoWhenAServoIsUnplugged) {
   slave.send(SIGINT);
   slave.wait();
   EXPECT_TRUE(comes_true([&] { return !arms.follower.servos.on; }));
+}
+
+/// By their own watchdog, of 100 ms: nobody tells the servos anything.
+TEST(DynamixelLive, ServosLetGoWhileTheProgramStandsStillAndWhenItIsKilled) {
+  Arms arms;
+  DynamixelServos& servos = arms.follower.servos;
+  Process slave = arms.pair.listening_slave("slave", {"--robot", arms.follower.choice()});
+  // The weight of the forearm.
+  const auto carries = [&] { return std::abs(servos.current[2]) > 100; };
+  const auto lets_go = [&] { return servos.current[2] == 0; };
+  ASSERT_TRUE(comes_true(carries));
+  slave.send(SIGSTOP);
+  EXPECT_TRUE(comes_true(lets_go));
+  slave.send(SIGCONT);
+  EXPECT_TRUE(comes_true(carries));
+  slave.send(SIGKILL);
+  EXPECT_EQ(slave.wait(), killed_by(SIGKILL));
+  EXPECT_TRUE(comes_true(lets_go));
 }
 
 }  // namespace

@@ -82,7 +82,7 @@ class DynamixelServos {
   using Now = std::chrono::steady_clock;
   using Axes = ServoLoad::Axes;
   static constexpr double kTorquePerCount = 0.354e-3;
-  static constexpr double kHeld = 1.2;  // [s]
+  static constexpr double kHeld = 2.0;  // [s]
 
   DynamixelServos(std::vector<ServoMount> mounts, ServoLoad& load) : mounts_{std::move(mounts)}, load_{load} {
     fd_ = posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
@@ -154,7 +154,7 @@ class DynamixelServos {
   void move(double span_s) {
     bool all = true;
     for (std::size_t i = 0; i < tables_.size(); ++i) all = all && is_on(i);
-    if (all) on_s_ += span_s;
+    on_s_ = all ? on_s_ + span_s : 0.0;
     begun_ = begun_ || on_s_ > kHeld;
     on = all;
     Axes torque = Axes::Zero();

@@ -289,7 +289,7 @@ TEST(Dynamixel, HoldsAnArmWithoutFriction) {
   DynamixelServos servos{mounts(), arm};
   servos.start();
   auto rig = std::make_unique<Follower>(servos.port() + kServos, scene);
-  rig->pass(2.0);
+  rig->pass(DynamixelServos::kHeld + 0.8);
   const Axes settled = rig->s.x.translation();
   rig->pass(1.0);
   // In whole steps of the current a rest of 0.2 mN m remains, which its damping brakes.
