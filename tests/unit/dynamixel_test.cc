@@ -325,29 +325,32 @@ bool tried_in_time(double most_s, const std::function<void(Ready&, bool in_time)
 }
 
 TEST(Dynamixel, GoesOnThroughDamagedAndHalfPacketsAndEchoes) {
-  const std::vector<std::pair<const char*, std::function<void(DynamixelServos&)>>> ways{
-      {"every 20th answer damaged", [](DynamixelServos& s) { s.damages_every = 20; }},
-      {"halves", [](DynamixelServos& s) { s.halves = true; }},
-      {"garbage before each answer", [](DynamixelServos& s) { s.noisy = true; }},
-      {"echoes", [](DynamixelServos& s) { s.echoes = true; }}};
-  for (const auto& [name, way] : ways) {
+  struct Way {
+    const char* name;
+    std::function<void(DynamixelServos&)> set;
+  };
+  const std::vector<Way> ways{{"every 20th answer damaged", [](DynamixelServos& s) { s.damages_every = 20; }},
+                              {"halves", [](DynamixelServos& s) { s.halves = true; }},
+                              {"garbage before each answer", [](DynamixelServos& s) { s.noisy = true; }},
+                              {"echoes", [](DynamixelServos& s) { s.echoes = true; }}};
+  for (const Way& way : ways) {
     long asked = 0;
     const bool judged = tried_in_time(
         0.003,
         [&](Ready& r, bool in_time) {
           if (!in_time) return;
-          EXPECT_NE(r.rig->s.status, HardwareStatus::fault) << name << ": " << r.rig->side->trouble();
+          EXPECT_NE(r.rig->s.status, HardwareStatus::fault) << way.name << ": " << r.rig->side->trouble();
           EXPECT_GT(static_cast<double>(r.rig->fresh), 0.4 * static_cast<double>(std::min(asked, 100L)))
-              << name << ", of " << asked;
-          EXPECT_NEAR(r.rig->s.x.translation()[2], 1.9, 1e-3) << name;
+              << way.name << ", of " << asked;
+          EXPECT_NEAR(r.rig->s.x.translation()[2], 1.9, 1e-3) << way.name;
         },
-        [&, &does = way](Ready& r) {
-          does(r.servos);
+        [&](Ready& r) {
+          way.set(r.servos);
           const long before = r.servos.reads;
           r.rig->pass(0.3);
           asked = r.servos.reads - before;
         });
-    if (!judged) std::printf("not judged, the machine was too busy for the stand-in: %s\n", name);
+    if (!judged) std::printf("not judged, the machine was too busy for the stand-in: %s\n", way.name);
   }
 }
 
