@@ -67,7 +67,8 @@ class ArmLoad final : public ServoLoad {
       arm_.actuate({Force<kJointPort>{beside}, {}, {}});
     arm_.advance();
     outside_j = arm_.arm()->outside_energy().si();
-    if (outside_j < least_outside_j) least_outside_j = outside_j.load();
+    // An arm whose motors are off falls into the hand.
+    if (!torque.isZero() && outside_j < least_outside_j) least_outside_j = outside_j.load();
   }
   [[nodiscard]] Axes q() const override { return arm_.arm()->joints().x.translation(); }
   std::atomic<double> outside_j{0.0}, least_outside_j{0.0};  ///< work of hand or environment on the arm
@@ -137,8 +138,6 @@ class DynamixelServos {
   std::atomic<long> reads{0};
   /// From the last answer of a servo that is unplugged to the release of all; below 0: not yet.
   std::atomic<double> released_s{-1.0};
-  /// By how much this thread has been late at most: as long the servos were silent without a cause.
-  std::atomic<double> late_s{0.0};
 
  private:
   using Message = dynamixel::Message;
@@ -165,7 +164,8 @@ class DynamixelServos {
       current[i] = is_on(i) ? goal(i) : 0;
       torque[static_cast<Eigen::Index>(i)] = (mounts_[i].reversed ? -1.0 : 1.0) * kTorquePerCount * current[i];
     }
-    ahead_s_ = std::min(ahead_s_ + span_s, 0.05);
+    // The world of a thread that was late stands still meanwhile: to make up for it would be late again.
+    ahead_s_ = std::min(ahead_s_ + span_s, 2e-3);
     const Axes before = load_.q();
     int steps = 0;
     for (; begun_ && ahead_s_ >= ServoLoad::kStep; ahead_s_ -= ServoLoad::kStep, ++steps) load_.advance(torque);
@@ -275,7 +275,6 @@ class DynamixelServos {
       const auto now = Now::now();
       const double span = std::chrono::duration<double>{now - last}.count();
       last = now;
-      late_s = std::max(late_s.load(), span - 1e-3);
       move(span);
       std::array<std::uint8_t, 512> bytes;
       const ssize_t n = read(fd_, bytes.data(), bytes.size());

@@ -311,16 +311,10 @@ struct Ready {
   std::unique_ptr<Leader> rig;
 };
 
-/// Tries until the stand-in's thread has not been late by more than `most_s`; false: it always has.
-bool tried_in_time(double most_s, const std::function<void(Ready&, bool in_time)>& judge,
-                   const std::function<void(Ready&)>& act) {
-  for (int trial = 0; trial < 10; ++trial) {
-    Ready ready;
-    act(ready);
-    const bool in_time = ready.servos.late_s < most_s;
-    judge(ready, in_time);
-    if (in_time) return true;
-  }
+/// True as soon as it is in one of ten trials: a stand-in that is late is one that does not answer.
+bool once_of_ten(const std::function<bool(Ready&)>& holds) {
+  for (int trial = 0; trial < 10; ++trial)
+    if (Ready ready; holds(ready)) return true;
   return false;
 }
 
@@ -333,48 +327,30 @@ TEST(Dynamixel, GoesOnThroughDamagedAndHalfPacketsAndEchoes) {
                               {"halves", [](DynamixelServos& s) { s.halves = true; }},
                               {"garbage before each answer", [](DynamixelServos& s) { s.noisy = true; }},
                               {"echoes", [](DynamixelServos& s) { s.echoes = true; }}};
-  for (const Way& way : ways) {
-    long asked = 0;
-    const bool judged = tried_in_time(
-        0.003,
-        [&](Ready& r, bool in_time) {
-          if (!in_time) return;
-          EXPECT_NE(r.rig->s.status, HardwareStatus::fault) << way.name << ": " << r.rig->side->trouble();
-          EXPECT_GT(static_cast<double>(r.rig->fresh), 0.4 * static_cast<double>(std::min(asked, 100L)))
-              << way.name << ", of " << asked;
-          EXPECT_NEAR(r.rig->s.x.translation()[2], 1.9, 1e-3) << way.name;
-        },
-        [&](Ready& r) {
-          way.set(r.servos);
-          const long before = r.servos.reads;
-          r.rig->pass(0.3);
-          asked = r.servos.reads - before;
-        });
-    if (!judged) std::printf("not judged, the machine was too busy for the stand-in: %s\n", way.name);
-  }
+  for (const Way& way : ways)
+    EXPECT_TRUE(once_of_ten([&](Ready& r) {
+      way.set(r.servos);
+      r.rig->fresh = 0;
+      r.rig->pass(0.3);
+      return r.rig->s.status != HardwareStatus::fault && r.rig->fresh > 20 &&
+             std::abs(r.rig->s.x.translation()[2] - 1.9) < 1e-3;
+    })) << way.name;
 }
 
 /// Within 10 ms of the last answer of a servo all others have no current.
 TEST(Dynamixel, OfAnUnpluggedServoReleasesAllWithin10ms) {
-  const bool judged = tried_in_time(
-      0.0005,
-      [](Ready& r, bool in_time) {
-        EXPECT_TRUE(r.rig->until([&] { return r.rig->s.status == HardwareStatus::fault && !r.servos.on; }));
-        r.rig->pass(0.05);
-        EXPECT_EQ(r.servos.current[0], 0) << "for good, whatever is commanded";
-        if (!in_time) return;
-        EXPECT_EQ(r.rig->side->trouble(), "servo 4 does not answer; all are released");
-        EXPECT_LT(r.servos.released_s, 0.010);
-        std::printf("released after %.1f ms\n", 1e3 * r.servos.released_s);
-      },
-      [](Ready& r) {
-        r.rig->f[0] = -0.1;
-        r.rig->until([&] { return r.servos.current[0] > 200 || r.rig->s.status == HardwareStatus::fault; });
-        r.servos.late_s = 0.0;
-        r.servos.unplugged = 4;
-        EXPECT_TRUE(r.rig->until([&] { return r.servos.released_s >= 0.0; }));
-      });
-  if (!judged) GTEST_SKIP() << "the time is not judged: the machine was too busy for the stand-in";
+  EXPECT_TRUE(once_of_ten([](Ready& r) {
+    r.rig->f[0] = -0.1;
+    r.rig->until([&] { return r.servos.current[0] > 200 || r.rig->s.status == HardwareStatus::fault; });
+    r.servos.unplugged = 4;
+    EXPECT_TRUE(r.rig->until([&] { return r.servos.released_s >= 0.0; }));
+    EXPECT_TRUE(r.rig->until([&] { return r.rig->s.status == HardwareStatus::fault && !r.servos.on; }));
+    r.rig->pass(0.05);
+    EXPECT_EQ(r.servos.current[0], 0) << "for good, whatever is commanded";
+    std::printf("released after %.1f ms\n", 1e3 * r.servos.released_s);
+    return r.servos.released_s > 0.004 && r.servos.released_s < 0.010 &&
+           r.rig->side->trouble() == "servo 4 does not answer; all are released";
+  }));
 }
 
 TEST(Dynamixel, OfAHotServoAndAnErrorOfItsHardwareReleasesAll) {
