@@ -1,9 +1,9 @@
-# The Python module is built where Python, NumPy and pybind11 are installed. It links the libraries into a shared object, so they are
+# The Python module is built where Python and pybind11 are installed. It links the libraries into a shared object, so they are
 # position independent; with or without it, their objects are the same.
 set(CMAKE_POSITION_INDEPENDENT_CODE ON)
 # No function of the project is replaced by one of another library: all may be inlined as in a program.
 add_compile_options(-fno-semantic-interposition)
-option(TWOPORT_PYTHON "Build the Python module where Python 3, NumPy and pybind11 are installed" ${PROJECT_IS_TOP_LEVEL})
+option(TWOPORT_PYTHON "Build the Python module where Python 3 and pybind11 are installed" ${PROJECT_IS_TOP_LEVEL})
 set(twoport_python OFF)
 if(TWOPORT_PYTHON AND NOT TWOPORT_SANITIZE AND NOT TWOPORT_FUZZ)
   # The system's interpreter, for which its packages are; another one by -D Python3_EXECUTABLE=...
@@ -15,12 +15,12 @@ if(TWOPORT_PYTHON AND NOT TWOPORT_SANITIZE AND NOT TWOPORT_FUZZ)
     execute_process(COMMAND ${Python3_EXECUTABLE} -c "import sysconfig; print(sysconfig.get_path('include'))"
                     OUTPUT_VARIABLE Python3_INCLUDE_DIR OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
   endif()
-  find_package(Python3 3.9 QUIET COMPONENTS Interpreter Development.Module NumPy)
+  find_package(Python3 3.9 QUIET COMPONENTS Interpreter Development.Module)
   find_path(PYBIND11_INCLUDE_DIR pybind11/pybind11.h)
   if(Python3_FOUND AND PYBIND11_INCLUDE_DIR)
     set(twoport_python ON)
     message(STATUS "Python module: for ${Python3_EXECUTABLE} ${Python3_VERSION}")
   else()
-    message(STATUS "Python module: not built; it needs python3-dev, python3-numpy and pybind11-dev")
+    message(STATUS "Python module: not built; it needs python3-dev and pybind11-dev")
   endif()
 endif()

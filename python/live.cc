@@ -33,10 +33,14 @@ struct LiveOutput {
 
 class AnyLive : public AnySide {
  public:
+  virtual double wait() = 0;
   virtual LiveOutput step(const py::object& x, const py::object& v, const py::object& f, bool held) = 0;
   [[nodiscard]] virtual std::int64_t missed() const = 0;
   virtual void zero_force_sensor() = 0;
   [[nodiscard]] virtual SensorRest sensor() const = 0;
+  [[nodiscard]] virtual double energy_j() const = 0;
+  [[nodiscard]] virtual py::object peer_x() const = 0;
+  [[nodiscard]] virtual py::object peer_f() const = 0;
 };
 /// For the two classes of Python.
 struct AnyLiveMaster : AnyLive {};
@@ -56,6 +60,10 @@ class Live final : public Base {
         link_{kMaster ? Side::master : Side::slave, scene_, a},
         node_{scene_.control, scene_.schedule} {}
 
+  double wait() override {
+    if (!waited_) waited_ = next();
+    return to_seconds(waited_->now.time_since_epoch()).si();
+  }
   LiveOutput step(const py::object& x, const py::object& v, const py::object& f, bool held) override {
     const int n = dof();
     const auto position = position_from<N>(x, "x", n);
@@ -63,7 +71,8 @@ class Live final : public Base {
     const std::optional<Force<N>> given =
         f.is_none() ? std::nullopt
                     : std::optional{Force<N>{numbers_from<N>(f, kMaster ? "applied" : "f_environment", n)}};
-    const Tick<Clock> tick = wait();
+    wait();
+    const Tick<Clock> tick = *std::exchange(waited_, std::nullopt);
     if (!link_.refusal().empty()) throw IoError{std::string{link_.refusal()}};
     link_.met(node_);
     say_of_sensor();
@@ -96,6 +105,19 @@ class Live final : public Base {
   [[nodiscard]] std::int64_t missed() const override { return missed_; }
   void zero_force_sensor() override { sensor_.ask(); }
   [[nodiscard]] SensorRest sensor() const override { return sensor_.rest(); }
+  [[nodiscard]] double energy_j() const override {
+    if constexpr (kMaster) {
+      return node_.observed().si();
+    } else {
+      return node_.delivered().si();
+    }
+  }
+  [[nodiscard]] py::object peer_x() const override {
+    return of_peer([](const PortReport<N>& r) -> const auto& { return r.x; });
+  }
+  [[nodiscard]] py::object peer_f() const override {
+    return of_peer([](const PortReport<N>& r) -> const auto& { return r.f.vec(); });
+  }
   [[nodiscard]] std::optional<double> round_trip_s() const override { return round_trip_of(link_.known()); }
 
  private:
@@ -118,11 +140,16 @@ class Live final : public Base {
 
   using Now = std::chrono::steady_clock;
 
-  /// Sleeps to the next tick that has not begun; those before it are left out.
-  Tick<Clock> wait() {
+  py::object of_peer(auto get) const {
+    const PeerState<N>& peer = link_.known();
+    return peer.has_report ? py::object{to_array(get(peer.newest), dof())} : py::none();
+  }
+  /// Sleeps to the tick after the last one. Where that is over by more than a period, it is the newest one that has begun; those
+  /// before it are left out.
+  Tick<Clock> next() {
     const Seconds period{1.0 / rate_hz_};
     const double passed = std::chrono::duration<double>(Now::now() - start_).count();
-    const std::int64_t k = std::max(k_ + 1, static_cast<std::int64_t>(std::ceil(passed * rate_hz_)));
+    const std::int64_t k = std::max(k_ + 1, static_cast<std::int64_t>(std::floor(passed * rate_hz_)));
     const Duration at = tick_time(k, rate_hz_);
     {
       const py::gil_scoped_release released;
@@ -141,6 +168,7 @@ class Live final : public Base {
   std::conditional_t<kMaster, ZeroRequests, SensorZero<N>> sensor_{};
   ZeroAnswers answers_;
   EnvironmentMessage said_{.number = 1};
+  std::optional<Tick<Clock>> waited_;  ///< of wait(), for step()
   Now::time_point start_ = Now::now();
   std::int64_t k_ = 0, missed_ = 0;
 };
@@ -187,6 +215,16 @@ void add_live(py::module_& module) {
           },
           "Force that the sensor read when nothing was pressed last [N]; None: not known, as at a master before its "
           "first request.");
+      .def_property_readonly(
+          "peer_x", &AnyLive::peer_x,
+          "Position of the other side, as its newest report says [m], dof 6: 7 numbers; with space JOINTS of "
+          "each joint [rad]. None: none has come.")
+      .def_property_readonly(
+          "peer_f", &AnyLive::peer_f,
+          "Of a master's peer the force on the robot, of a slave's the force displayed, likewise [N].")
+      .def(
+          "wait", &AnyLive::wait,
+          R"(Waits for the next tick and returns its time, from the side's start [s]: read your hardware now, then call step().)");
 
   py::class_<AnyLiveMaster, AnyLive>(
       module, "LiveMaster",
@@ -200,8 +238,10 @@ Errors: ValueError; OSError where the two sides cannot work together.)")
              return open<AnyLiveMaster>(s, "LiveMaster", peer, key);
            }),
            "scene"_a, "peer"_a, py::kw_only(), "key"_a = "")
+      .def_property_readonly("observed_j", &AnyLive::energy_j,
+                             "Energy that the hand has put in so far, E(0) not included [J].")
       .def("step", &AnyLive::step, "x"_a, "v"_a, "applied"_a = py::none(), "held"_a = true,
-           R"(Waits for the next tick, exchanges packets, and returns the force. Call it again and again.
+           R"(One tick: exchanges packets and returns the force. Waits for the tick first, unless wait() has.
 
 x, v: position [m] and velocity [m/s] of the handle, dof 6: 7 numbers, and twist; with space JOINTS of each joint [rad], [rad/s]
 applied: force held at the port since the last step [N]; None: the one returned then
@@ -214,15 +254,16 @@ listen: ADDRESS:PORT)")
              return open<AnyLiveSlave>(s, "LiveSlave", listen, key);
            }),
            "scene"_a, "listen"_a, py::kw_only(), "key"_a = "")
+      .def_property_readonly("delivered_j", &AnyLive::energy_j, "Net energy that has left the link into the robot [J].")
       .def(
           "step",
           [](AnyLiveSlave& side, const py::object& x, const py::object& v, const py::object& f) {
             return side.step(x, v, f, true);
           },
           "x"_a, "v"_a, "f_environment"_a = py::none(),
-          R"(Waits for the next tick, exchanges packets, and returns the force on the robot.
+          R"(One tick: exchanges packets and returns force and set point of the robot. Waits for the tick first, unless wait() has.
 
-x, v: position [m] and velocity [m/s] of the robot, dof 6: 7 numbers, and twist
+x, v: position [m] and velocity [m/s] of the robot, dof 6: 7 numbers, and twist; with space JOINTS of each joint [rad], [rad/s]
 f_environment: the force sensor's, of the robot on the environment [N]; None: 0)");
 }
 

@@ -16,6 +16,7 @@
 #include "common/method/catalogue.h"
 #include "common/record/summary.h"
 #include "common/record/trace_channel.h"
+#include "common/scene/find.h"
 #include "common/scene/hints.h"
 #include "common/scene/scene.h"
 #include "lab/run.h"
@@ -63,7 +64,7 @@ std::string path_from(const py::object& path) {
   return py::module_::import("os").attr("fspath")(path).cast<std::string>();
 }
 SceneOfText load(const py::object& path, const py::args& overrides) {
-  const std::string source = path_from(path);
+  const std::string source = scene_file(path_from(path));
   return parsed(source, read_whole(source), overrides_from(overrides));
 }
 SceneOfText parse(const std::string& text, const py::args& overrides, const std::string& name) {
@@ -83,7 +84,9 @@ py::array view(const std::shared_ptr<const TraceTable>& table) {
   const py::dtype type = py::dtype::from_args(fields);
   const py::capsule owner{new std::shared_ptr<const TraceTable>{table},
                           [](void* p) { delete static_cast<std::shared_ptr<const TraceTable>*>(p); }};
-  py::array array{type, {static_cast<py::ssize_t>(table->rows())}, {}, table->data(), owner};
+  // With its own stride: pybind11 before 2.12 misreads the size of a row that NumPy 2 states.
+  const auto stride = type.attr("itemsize").cast<py::ssize_t>();
+  py::array array{type, {static_cast<py::ssize_t>(table->rows())}, {stride}, table->data(), owner};
   array.attr("setflags")("write"_a = false);
   return array;
 }
@@ -389,10 +392,12 @@ PATH=VALUE as for --set of the programs. Errors: ValueError with the programs' s
         return fmt::format("<twoport.Scene \"{}\" of {}, dof {}, {}, {}>", s.scene.name, s.source,
                            s.scene.coordinates(), to_string(s.scene.control.architecture), s.scene.control.method_name);
       });
+  module.def("_look_above", &look_above, "Where else the project's folders are looked for.");
+  module.def("_project_folder", &project_folder, "A folder of the project.");
   module.def("load_scene", &load, "path"_a,
              R"(Reads a scene file: load_scene("scenes/demo.textproto", "to_slave.delay_ms=50").
 
-path: of the file. overrides: PATH=VALUE as for --set of the programs, applied in order.
+path: of the file, or the name of a scene of the project ("demo"). overrides: PATH=VALUE as for --set of the programs, applied in order.
 Errors: ValueError with the programs' sentence: file, line and column, or path, value, and what is allowed.)");
   module.def("parse_scene", &parse, "text"_a, py::kw_only(), "name"_a = "text",
              R"(Reads a scene from text: parse_scene("dof: 1 ...", "seed=2", name="mine").

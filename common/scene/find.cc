@@ -18,13 +18,21 @@ namespace {
 namespace fs = std::filesystem;
 constexpr std::array<const char*, 3> kEndings{".textproto", ".urdf", ""};  // the last: it has one
 
-/// Where the project's folders may stand: here, above this program, and where it is installed.
+/// Folders of look_above().
+std::vector<fs::path>& places() {
+  static std::vector<fs::path> all;
+  return all;
+}
+
+/// Where the project's folders may stand: here, above this program or library, and where it is installed.
 std::vector<fs::path> roots() {
   std::vector<fs::path> all{"."};
   std::error_code error;
-  for (fs::path at = fs::read_symlink("/proc/self/exe", error).parent_path(); at.has_relative_path();
-       at = at.parent_path())
-    all.insert(all.end(), {at, at / "share/twoport"});
+  std::vector<fs::path> starts{fs::read_symlink("/proc/self/exe", error).parent_path()};
+  starts.insert(starts.end(), places().begin(), places().end());
+  for (const fs::path& start : starts)
+    for (fs::path at = start; at.has_relative_path(); at = at.parent_path())
+      all.insert(all.end(), {at, at / "share/twoport"});
   return all;
 }
 
@@ -69,6 +77,10 @@ std::string scene_file(const std::string& named) {
 
 std::string arm_file(const std::string& named, const std::string& folder) {
   return project_file(fs::path{folder} / named, named, "arms", "arm");
+}
+
+void look_above(const std::string& at) {
+  places().push_back(at);
 }
 
 std::string project_folder(const std::string& name) {

@@ -23,7 +23,7 @@ done
 grep -q 'libtwoport_passivity\|libtwoport_platform.a' "$work/contents" || fail "the package lacks the library"
 python=/usr/lib/python3/dist-packages
 if [ -d "$build/python/twoport" ]; then
-  for file in __init__.py __init__.pyi py.typed; do
+  for file in __init__.py __init__.pyi __main__.py _parquet.py lerobot.py py.typed; do
     grep -qF " .$python/twoport/$file" "$work/contents" || fail "the package lacks $file of the Python module"
   done
   grep -q " .$python/twoport/_twoport\..*\.so" "$work/contents" || fail "the package lacks the Python module"

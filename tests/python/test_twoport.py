@@ -499,6 +499,10 @@ class Errors(unittest.TestCase):
             self.assertAlmostEqual(out.force[0], 1000.0 * seen["x"], delta=0.2)
             self.assertAlmostEqual(out.force[0], 1000.0 * (x - seen["x"]), delta=0.2)
             self.assertGreater(master.round_trip_s, 0.018)
+            self.assertAlmostEqual(master.peer_x[0], seen["x"], delta=2e-4)
+            self.assertAlmostEqual(master.peer_f[0], out.force[0], delta=0.2)
+            # A spring of 1 kN/m, two of them in a row, loaded by 5 mm.
+            self.assertAlmostEqual(master.observed_j, 0.5 * 500.0 * 0.005**2, delta=2e-3)
         finally:
             done.set()
             thread.join()
@@ -553,6 +557,20 @@ class Errors(unittest.TestCase):
         finally:
             done.set()
             thread.join()
+
+    def test_a_live_side_waits_for_its_tick_and_acts_at_once_when_it_is_late(self):
+        master = twoport.LiveMaster(twoport.load_scene(SCENES / "one_axis_wall.textproto", "rate_hz=5"), "127.0.0.1:45999")
+        first = master.wait()
+        self.assertEqual(master.wait(), first)  # until it is used
+        self.assertIsNone(master.peer_x)
+        time.sleep(0.26)
+        missed = master.missed
+        self.assertEqual(master.step(0.0, 0.0).t_s, first)
+        self.assertAlmostEqual(master.step(0.0, 0.0).t_s, first + 0.2, delta=1e-9)
+        began = time.monotonic()
+        self.assertAlmostEqual(master.wait(), first + 0.4, delta=1e-9)
+        self.assertGreater(time.monotonic() - began, 0.02)
+        self.assertEqual((master.missed, master.observed_j), (missed, 0.0))
 
     def test_objects_that_new_alone_has_made_are_refused(self):
         for name in twoport.__all__:
@@ -1006,26 +1024,6 @@ class Examples(unittest.TestCase):
         self.assertLess(least["NONE"], -20.0)
         self.assertGreater(least["FORCE_PROJECTED"], -1.2)
         self.assertGreater(least["INTERNAL_MODEL"], -12.6)
-
-    def test_episodes(self):
-        with tempfile.TemporaryDirectory() as folder:
-            folder = pathlib.Path(folder)
-            for i in range(2):
-                done = lab("run", SCENES / "one_axis_wall.textproto", "--set", f"seed={i + 1}", "--trace", "none", "--record", folder / f"{i}.mcap")
-                self.assertIn(done.returncode, (0, 3), done.stderr)
-            script = ROOT / "python/examples/episodes.py"
-            done = subprocess.run([sys.executable, script, folder / "set", folder / "0.mcap", folder / "1.mcap"], capture_output=True, text=True)
-            self.assertEqual(done.returncode, 0, done.stderr)
-            info = json.loads((folder / "set/info.json").read_text())
-            self.assertEqual((info["total_episodes"], info["fps"]), (2, 50))
-            trace = twoport.load_recording(folder / "1.mcap").trace
-            with np.load(folder / "set/episode_000001.npz") as episode:
-                self.assertEqual(info["total_frames"], 2 * len(episode["action"]))
-                self.assertEqual(sorted(info["features"]), sorted(episode.files))
-                # 2000 rows a second, 50 frames.
-                np.testing.assert_array_equal(episode["observation.force"], trace["env_f"][::40][: len(episode["timestamp"])])
-                self.assertEqual((info["features"]["action"]["unit"], set(episode["episode_index"])), ("m", {1}))
-                self.assertEqual(list(np.flatnonzero(episode["next.done"])), [len(episode["action"]) - 1])
 
 
 if __name__ == "__main__":

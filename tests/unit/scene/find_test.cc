@@ -31,6 +31,17 @@ TEST(SceneFile, IsTheFileWhereThereIsOneElseTheSceneOfThatName) {
   EXPECT_TRUE(std::filesystem::equivalent(project_folder("scenes/edge"), TWOPORT_SCENES "/edge"));
 }
 
+TEST(SceneFile, IsLookedForAboveALibraryToo) {
+  const test::Folder folder;
+  std::filesystem::create_directories(folder / "share/twoport/scenes");
+  std::filesystem::create_directories(folder / "lib/python/twoport");
+  const std::string own = folder.write("share/twoport/scenes/of_this_test.textproto", "dof: 1");
+  EXPECT_THROW(static_cast<void>(scene_file("of_this_test")), ConfigError);
+  look_above(folder / "lib/python/twoport");
+  EXPECT_EQ(scene_file("of_this_test"), own);
+  EXPECT_TRUE(std::filesystem::equivalent(scene_file("demo"), TWOPORT_SCENES "/demo.textproto"));
+}
+
 TEST(SceneFile, SaysWhichNamesAreNear) {
   try {
     static_cast<void>(scene_file("demp"));
