@@ -16,18 +16,21 @@ using dynamixel::Axes, dynamixel::Port, dynamixel::Reading, dynamixel::ServoArm;
 /// ARGS: PORT[,baud=N][,servos=FILE].
 std::unique_ptr<ServoArm> opened(const std::string& flag, const DriverOptions& o, const std::optional<ArmSpec>& arm) {
   const std::string words = flag + " dynamixel:" + o.arguments;
-  static const std::regex valid{"([^,]+)(?:,baud=([0-9]{4,7}))?(?:,servos=([^,]+))?"};
+  static const std::regex valid{"([^,]+)(?:,baud=([0-9]{4,7}))?(?:,servos=([^,]+))?(?:,silence_ms=([0-9]{1,3}))?"};
   std::smatch parts;
   if (!std::regex_match(o.arguments, parts, valid))
-    throw ConfigError{words +
-                      ": ARGS is PORT[,baud=N][,servos=FILE], as in dynamixel:/dev/ttyUSB0,servos=leader.textproto"};
+    throw ConfigError{
+        words +
+        ": ARGS is PORT[,baud=N][,servos=FILE][,silence_ms=N], as in dynamixel:/dev/ttyUSB0,servos=leader.textproto"};
   const int baud = parts[2].matched ? std::stoi(parts[2]) : 1000000;
+  const int silence_ms = parts[4].matched ? std::stoi(parts[4]) : dynamixel::kGoneMs;
   if (Port::rate(baud) == B0)
     throw ConfigError{fmt::format("{}: baud must be 57600, 115200, 1000000, 2000000, 3000000 or 4000000", words)};
   for (std::size_t i = 0; i < arm->parameters->joints.size(); ++i)
     if (arm->parameters->joints[i].type == JointType::prismatic)
       throw ConfigError{fmt::format("{}: joint {} of the scene's arm slides; a servo turns", words, i + 1)};
-  return std::make_unique<ServoArm>(words, parts[1], baud, parts[3], *arm, o.period);
+  return std::make_unique<ServoArm>(words, parts[1], baud, parts[3], *arm, o.period,
+                                    std::chrono::milliseconds{silence_ms});
 }
 
 class DynamixelLeader final : public Device<kJointPort> {
@@ -84,7 +87,8 @@ class DynamixelFollower final : public Robot<kJointPort> {
 }  // namespace
 
 void add_dynamixel(Registry& all) {
-  const std::string is = "dynamixel:PORT[,baud=N][,servos=FILE], an arm of Dynamixel servos, joint by joint";
+  const std::string is =
+      "dynamixel:PORT[,baud=N][,servos=FILE][,silence_ms=N], an arm of Dynamixel servos, joint by joint";
   all.devices.add<DynamixelLeader>("dynamixel", is);
   all.robots.add<DynamixelFollower>("dynamixel", is);
 }

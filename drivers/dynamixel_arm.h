@@ -32,8 +32,8 @@ using namespace std::chrono_literals;
 inline constexpr Duration kSilence = 100ms;     // without a command of the control its torque is zero
 inline constexpr Duration kLongestPause = 2ms;  // between two readings
 inline constexpr Duration kAnswer = 2ms;        // beside the time on the wire
-inline constexpr Duration kGone = 6ms;          // a servo that has not answered for so long is not there
-inline constexpr Duration kStop = 80ms;         // after which the servos' own watchdog may have released them
+inline constexpr int kGoneMs = 6;  // a servo that has not answered for so long is not there, unless ARGS say otherwise
+inline constexpr Duration kStop = 80ms;  // after which the servos' own watchdog may have released them
 inline constexpr std::uint32_t kWatchdogSteps = 5;
 inline constexpr Duration kHeatPause = 100ms;    // between two readings of the temperatures
 inline constexpr std::uint32_t kHeatMargin = 5;  // below the limit of the servo [deg C]
@@ -92,11 +92,12 @@ class ServoArm {
  public:
   /// Throws ConfigError, which `words` begins.
   ServoArm(std::string words, const std::string& port, int baud, const std::string& servos, const ArmSpec& arm,
-           Seconds period)
+           Seconds period, Duration gone)
       : words_{std::move(words)},
         port_{words_, port, baud},
         byte_{to_duration(10.0 / baud)},
         pause_{std::min(to_duration(1.5 * period.si()), kLongestPause)},
+        gone_{gone},
         model_{*arm.parameters, {.mass_kg = arm.tool_mass_kg, .center_m = vector<3>(arm.tool_center_m)}} {
     find(servos, arm, baud);
     name += " at " + port;
@@ -333,10 +334,10 @@ class ServoArm {
     const auto n = static_cast<int>(servos_.size());
     const auto bytes = 2 * (16 + 4 * n) + n * (12 + item.bytes);
     // What this thread itself is late by does not count.
-    const Duration wait = std::min(bytes * byte_ + kAnswer, kGone - silence_);
+    const Duration wait = std::min(bytes * byte_ + kAnswer, gone_ - silence_);
     if (const Servo* const silent = sense(item, now + wait)) {
       silence_ += wait;
-      if (silence_ >= kGone) fail(*silent, "does not answer");
+      if (silence_ >= gone_) fail(*silent, "does not answer");
       return;
     }
     silence_ = {};
@@ -372,7 +373,7 @@ class ServoArm {
 
   std::string words_;
   Port port_;
-  Duration byte_, pause_;  ///< on the wire; for a command
+  Duration byte_, pause_, gone_;  ///< on the wire; for a command; for an answer
   ArmModel model_;
   std::vector<Servo> servos_;
   Reading reading_;
