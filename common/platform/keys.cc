@@ -25,7 +25,7 @@ void read_lines() {
   int letters = 0;
   bool is_z = false;
   for (char c = 0;;) {
-    const ssize_t n = read(STDIN_FILENO, &c, 1);
+    const ssize_t n = ::read(STDIN_FILENO, &c, 1);
     if (n == 0) return;
     if (n < 0) {
       if (errno != EIO && errno != EINTR && errno != EAGAIN) return;
