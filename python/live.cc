@@ -214,11 +214,11 @@ void add_live(py::module_& module) {
             return drift_n < 0.0 ? std::nullopt : std::optional{drift_n};
           },
           "Force that the sensor read when nothing was pressed last [N]; None: not known, as at a master before its "
-          "first request.");
-  .def_property_readonly(
-      "peer_x", &AnyLive::peer_x,
-      "Position of the other side, as its newest report says [m], dof 6: 7 numbers; with space JOINTS of "
-      "each joint [rad]. None: none has come.")
+          "first request.")
+      .def_property_readonly(
+          "peer_x", &AnyLive::peer_x,
+          "Position of the other side, as its newest report says [m], dof 6: 7 numbers; with space JOINTS of "
+          "each joint [rad]. None: none has come.")
       .def_property_readonly(
           "peer_f", &AnyLive::peer_f,
           "Of a master's peer the force on the robot, of a slave's the force displayed, likewise [N].")
