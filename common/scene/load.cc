@@ -126,7 +126,8 @@ void tell_system(const Scene& scene, ControlOptions& control) {
   control.handle_inertia_kg_m2 = device.inertia_kg_m2 > 0.0 ? device.inertia_kg_m2 : hand.inertia_kg_m2;
   control.max_force_n = device.max_force_n.value_or(std::numeric_limits<double>::infinity());
   control.without_motor = device.motors.empty() ? 0 : static_cast<std::uint8_t>((1 << scene.dof) - 1);
-  for (const int axis : device.motors) control.without_motor = static_cast<std::uint8_t>(control.without_motor & ~(1 << axis));
+  for (const int axis : device.motors)
+    control.without_motor = static_cast<std::uint8_t>(control.without_motor & ~(1 << axis));
 
   control.random.seed = scene.seed;
   KnownSystem& known = control.known;

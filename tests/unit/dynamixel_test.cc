@@ -421,7 +421,8 @@ TEST(Dynamixel, RefusesWhatItCannotDrive) {
           << e.what();
     }
   };
-  refused("", "ARGS is PORT[,baud=N][,servos=FILE][,silence_ms=N], as in dynamixel:/dev/ttyUSB0,servos=leader.textproto");
+  refused("",
+          "ARGS is PORT[,baud=N][,servos=FILE][,silence_ms=N], as in dynamixel:/dev/ttyUSB0,servos=leader.textproto");
   refused("/dev/null,baud=9600", "baud must be 57600, 115200, 1000000, 2000000, 3000000 or 4000000");
   refused("/dev/null", "it is no serial port");
   refused("/no/port", "the port cannot be opened (No such file or directory)");
