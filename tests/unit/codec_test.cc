@@ -283,8 +283,8 @@ TYPED_TEST(CodecOf, RejectsFieldsThatNobodyKnowsWithoutAllocating) {
   Codec<N> codec;
   Envelope<N> got;
   int of_known_type = 0;
-  for (unsigned number : {1U,  2U,  3U,  4U,  5U,  6U,  7U,  8U,  9U,  10U, 11U, 12U, 13U, 14U, 15U,
-                          16U, 17U, 18U, 19U, 20U, 21U, 22U, 23U, 24U, 25U, 26U, 27U, 28U, 29U, 100U}) {
+  for (unsigned number : {1U,  2U,  3U,  4U,  5U,  6U,  7U,  8U,  9U,  10U, 11U, 12U, 13U, 14U, 15U, 16U, 17U,
+                          18U, 19U, 20U, 21U, 22U, 23U, 24U, 25U, 26U, 27U, 28U, 29U, 30U, 31U, 32U, 100U}) {
     for (unsigned wire_type : {0U, 1U, 2U, 3U, 5U}) {
       Bytes bytes = good;
       append_field(bytes, number, wire_type);
