@@ -63,10 +63,7 @@ class DynamixelFollower final : public Robot<kJointPort> {
       : arm_{opened("--robot", o, o.scene.robot ? o.scene.robot->arm : std::nullopt)} {}
 
   [[nodiscard]] RobotInfo info() const override {
-    return {.name = arm_->name,
-
-            .limits = arm_->limits(),
-            .watchdog = to_seconds(dynamixel::kSilence)};
+    return {.name = arm_->name, .limits = arm_->limits(), .watchdog = to_seconds(dynamixel::kSilence)};
   }
   RobotSample<kJointPort> sense(const Tick<SlaveClock>&) noexcept override {
     const HardwareStatus status = arm_->read(reading_);

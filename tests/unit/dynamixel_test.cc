@@ -168,6 +168,19 @@ void place(PlacedLoad& load, const std::vector<double>& q) {
   for (std::size_t i = 0; i < q.size(); ++i) load.at[i] = q[i];
 }
 const std::vector<double> kReady{0.0, -0.5, 1.9, -0.6, 0.0, 0.0};
+/// Servos that stand at the ready position, and their driver.
+template <class Side>
+struct Ready {
+  Ready() {
+    place(load, kReady);
+    servos.start();
+    rig = std::make_unique<Side>(servos.port() + kServos);
+  }
+  PlacedLoad load;
+  DynamixelServos servos{mounts(), load};
+  std::unique_ptr<Side> rig;
+};
+
 /// Of the arm's weight [N m].
 Axes weight(const Scene& scene, const std::vector<double>& q) {
   const ArmModel model{*scene.device->arm->parameters};
@@ -216,11 +229,8 @@ TEST(Dynamixel, PassesMotionAndTorqueWithinTheServosLimit) {
 
 /// Motors push an arm that does not move.
 TEST(Dynamixel, ObservesWhatTouchesAFollower) {
-  PlacedLoad load;
-  place(load, kReady);
-  DynamixelServos servos{mounts(), load};
-  servos.start();
-  Follower rig{servos.port() + kServos};
+  Ready<Follower> ready;
+  Follower& rig = *ready.rig;
   EXPECT_TRUE(rig.side->info().has_force_sensor);
   rig.pass(0.2);
   EXPECT_NEAR(rig.s.f_environment.vec().norm(), 0.0, 1e-3);
@@ -254,11 +264,9 @@ TEST(Dynamixel, CountsTurnsOfServosThatDoNot) {
 }
 
 TEST(Dynamixel, CarriesTheWeightAndMostOfTheFriction) {
-  PlacedLoad load;
-  place(load, kReady);
-  DynamixelServos servos{mounts(), load};
-  servos.start();
-  Leader rig{servos.port() + kServos};
+  Ready<Leader> ready;
+  DynamixelServos& servos = ready.servos;
+  Leader& rig = *ready.rig;
   rig.side->release();
   const Axes g = weight(rig.scene, kReady);
   rig.acts = false;
@@ -275,7 +283,7 @@ TEST(Dynamixel, CarriesTheWeightAndMostOfTheFriction) {
   EXPECT_NEAR(rig.s.applied.vec().norm(), 0.0, 1e-3) << "neither is booked";
   // 0.03 N m of the URDF.
   for (int k = 0; k < 400 && servos.current[0] < 55; ++k) {
-    load.at[0] = load.at[0] + 0.001;
+    ready.load.at[0] = ready.load.at[0] + 0.001;
     rig.pass(0.003);
   }
   EXPECT_NEAR(servos.current[0] * 0.354e-3, 0.7 * 0.03, 2e-3);
@@ -300,22 +308,10 @@ TEST(Dynamixel, HoldsAnArmWithoutFriction) {
   EXPECT_TRUE(falls());
 }
 
-/// Servos that stand at the ready position, and the driver of their leader.
-struct Ready {
-  Ready() {
-    place(load, kReady);
-    servos.start();
-    rig = std::make_unique<Leader>(servos.port() + kServos);
-  }
-  PlacedLoad load;
-  DynamixelServos servos{mounts(), load};
-  std::unique_ptr<Leader> rig;
-};
-
 /// True as soon as it is in one of ten trials: a stand-in that is late is one that does not answer.
-bool once_of_ten(const std::function<bool(Ready&)>& holds) {
+bool once_of_ten(const std::function<bool(Ready<Leader>&)>& holds) {
   for (int trial = 0; trial < 10; ++trial)
-    if (Ready ready; holds(ready)) return true;
+    if (Ready<Leader> ready; holds(ready)) return true;
   return false;
 }
 
@@ -329,7 +325,7 @@ TEST(Dynamixel, GoesOnThroughDamagedAndHalfPacketsAndEchoes) {
                               {"garbage before each answer", [](DynamixelServos& s) { s.noisy = true; }},
                               {"echoes", [](DynamixelServos& s) { s.echoes = true; }}};
   for (const Way& way : ways)
-    EXPECT_TRUE(once_of_ten([&](Ready& r) {
+    EXPECT_TRUE(once_of_ten([&](Ready<Leader>& r) {
       way.set(r.servos);
       r.rig->fresh = 0;
       r.rig->pass(0.3);
@@ -340,7 +336,7 @@ TEST(Dynamixel, GoesOnThroughDamagedAndHalfPacketsAndEchoes) {
 
 /// Within 10 ms of the last answer of a servo all others have no current.
 TEST(Dynamixel, OfAnUnpluggedServoReleasesAllWithin10ms) {
-  EXPECT_TRUE(once_of_ten([](Ready& r) {
+  EXPECT_TRUE(once_of_ten([](Ready<Leader>& r) {
     r.rig->f[0] = -0.1;
     r.rig->until([&] { return r.servos.current[0] > 200 || r.rig->s.status == HardwareStatus::fault; });
     r.servos.unplugged = 4;
@@ -356,11 +352,9 @@ TEST(Dynamixel, OfAnUnpluggedServoReleasesAllWithin10ms) {
 
 TEST(Dynamixel, OfAHotServoAndAnErrorOfItsHardwareReleasesAll) {
   for (const bool hot : {true, false}) {
-    PlacedLoad load;
-    place(load, kReady);
-    DynamixelServos servos{mounts(), load};
-    servos.start();
-    Follower rig{servos.port() + kServos};
+    Ready<Follower> ready;
+    DynamixelServos& servos = ready.servos;
+    Follower& rig = *ready.rig;
     rig.f[0] = 0.1;
     ASSERT_TRUE(rig.until([&] { return servos.current[0] > 200; }));
     (hot ? servos.hot : servos.broken) = 3;
@@ -372,11 +366,9 @@ TEST(Dynamixel, OfAHotServoAndAnErrorOfItsHardwareReleasesAll) {
 }
 
 TEST(Dynamixel, WithoutCommandsOfTheControlPushesNoMore) {
-  PlacedLoad load;
-  place(load, kReady);
-  DynamixelServos servos{mounts(), load};
-  servos.start();
-  Leader rig{servos.port() + kServos};
+  Ready<Leader> ready;
+  DynamixelServos& servos = ready.servos;
+  Leader& rig = *ready.rig;
   rig.f[0] = -0.1;
   ASSERT_TRUE(rig.until([&] { return servos.current[0] > 200; }));
   std::this_thread::sleep_for(std::chrono::milliseconds{300});
@@ -385,11 +377,8 @@ TEST(Dynamixel, WithoutCommandsOfTheControlPushesNoMore) {
 }
 
 TEST(Dynamixel, TakesMicrosecondsOfAControlStep) {
-  PlacedLoad load;
-  place(load, kReady);
-  DynamixelServos servos{mounts(), load};
-  servos.start();
-  Leader rig{servos.port() + kServos};
+  Ready<Leader> ready;
+  Leader& rig = *ready.rig;
   std::chrono::nanoseconds taken{};
   constexpr int kTicks = 400;
   for (int k = 0; k < kTicks; ++k) {
