@@ -21,37 +21,89 @@ namespace {
 
 using ros2::JointNumbers, ros2::JointTopics, ros2::Node, ros2::Numbers, ros2::ToolTopics;
 
-/// PREFIX[,domain=N][,joints=NAME:...]; without a domain that of ROS_DOMAIN_ID, else 0.
+/// PREFIX[,OPTION=VALUE...]; without a domain that of ROS_DOMAIN_ID, else 0.
 struct Choice {
   Choice(const std::string& flag, const std::string& text) : words{flag + " ros2:" + text} {
-    const char* of_ros = std::getenv("ROS_DOMAIN_ID");
-    std::string whole = text;
-    if (text.find(",domain=") == text.npos) {
-      whole.insert(std::min(text.find(','), text.size()), std::string{",domain="} + (of_ros && *of_ros ? of_ros : "0"));
-      words += of_ros && *of_ros ? std::string{" with ROS_DOMAIN_ID="} + of_ros : "";
+    std::istringstream parts{text};
+    std::string prefix, domain;
+    std::getline(parts, prefix, ',');
+    for (std::string each; std::getline(parts, each, ',');) {
+      const auto at = each.find('=');
+      const std::string option = each.substr(0, at), value = at == each.npos ? "" : each.substr(at + 1);
+      if (option == "domain")
+        domain = value.empty() ? "none" : value;
+      else if (option == "joints")
+        read_joints(value);
+      else if (option == "names" && value == "crtk")
+        talk.crtk = true;
+      else if (option == "servo")
+        read_servo(value);
+      else if (option == "frame" && !value.empty())
+        talk.frame = value;
+      else if (option == "silence_ms")
+        talk.silence_ms = static_cast<int>(number(option, value, 10, 10000));
+      else
+        throw ConfigError{
+            fmt::format("{}: \"{}\"; options are domain=N, joints=NAME:..., names=crtk, servo=RATE_HZ:DELAY_MS:LAG_MS, "
+                        "frame=NAME and silence_ms=N",
+                        words, each)};
     }
-    static const std::regex valid{
-        "/?((?:[A-Za-z_][A-Za-z0-9_]*/)*[A-Za-z_][A-Za-z0-9_]*),domain=([0-9]{1,3})(?:,joints=([^,]+))?"};
-    std::smatch parts;
-    if (whole.size() > 1000 || !std::regex_match(whole, parts, valid) || std::stoi(parts[2]) > 232)
+    const char* const of_ros = std::getenv("ROS_DOMAIN_ID");
+    if (domain.empty() && of_ros && *of_ros) {
+      domain = of_ros;
+      words += std::string{" with ROS_DOMAIN_ID="} + of_ros;
+    }
+    if (domain.empty()) domain = "0";
+    static const std::regex valid{"/?((?:[A-Za-z_][A-Za-z0-9_]*/)*[A-Za-z_][A-Za-z0-9_]*)"}, digits{"[0-9]{1,3}"};
+    std::smatch name;
+    if (prefix.size() > 1000 || !std::regex_match(prefix, name, valid) || !std::regex_match(domain, digits) ||
+        std::stoi(domain) > 232)
       throw ConfigError{words +
                         ": name the namespace of the topics and a domain from 0 to 232, as in ros2:/arm,domain=1"};
-    prefix = "/" + parts[1].str();
-    domain = static_cast<dds_domainid_t>(std::stoi(parts[2]));
-    std::istringstream all{parts[3].str()};
+    talk.prefix = "/" + name[1].str();
+    talk.domain = static_cast<dds_domainid_t>(std::stoi(domain));
+  }
+  std::string words;
+  ros2::Talk talk;
+  std::vector<std::string> joints;
+  std::optional<Servo> servo;
+
+ private:
+  [[nodiscard]] double number(const std::string& option, const std::string& text, double least, double most) const {
+    static const std::regex valid{"[0-9]{1,5}(\\.[0-9]{1,6})?"};
+    if (!std::regex_match(text, valid) || std::stod(text) < least || std::stod(text) > most)
+      throw ConfigError{fmt::format("{}: {} \"{}\" is no number from {:g} to {:g}", words, option, text, least, most)};
+    return std::stod(text);
+  }
+  void read_joints(const std::string& value) {
+    std::istringstream all{value};
     for (std::string each; std::getline(all, each, ':');) joints.push_back(each);
   }
-  std::string words, prefix;
-  dds_domainid_t domain;
-  std::vector<std::string> joints;
+  void read_servo(const std::string& value) {
+    std::istringstream all{value};
+    std::string rate, delay, lag;
+    std::getline(std::getline(std::getline(all, rate, ':'), delay, ':'), lag);
+    servo = Servo{Seconds{1.0 / number("servo's rate in Hz", rate, 10, 10000)},
+                  Seconds{1e-3 * number("servo's delay in ms", delay, 0, 1000)},
+                  Seconds{1e-3 * number("servo's lag in ms", lag, 0, 1000)}};
+    talk.follows_positions = true;
+  }
 };
 
+Choice of_device(const DriverOptions& o) {
+  Choice c{"--device", o.arguments};
+  if (c.servo) throw ConfigError{c.words + ": servo is of a robot that obeys positions only; a device displays forces"};
+  return c;
+}
 std::unique_ptr<Node<ToolTopics>> opened(const Choice& c, bool robot, bool turns) {
   if (!c.joints.empty()) throw ConfigError{c.words + ": joints are given, but space of the scene is CARTESIAN"};
-  return std::make_unique<Node<ToolTopics>>(c.words, c.prefix, c.domain, robot, turns);
+  return std::make_unique<Node<ToolTopics>>(c.words, c.talk, robot, turns);
 }
 /// Joints have the names that are given, else those of a URDF.
 std::unique_ptr<Node<JointTopics>> opened(const Choice& c, bool robot, const std::optional<ArmSpec>& arm) {
+  if (c.servo || !c.talk.frame.empty())
+    throw ConfigError{c.words + ": " + (c.servo ? "servo" : "frame") +
+                      " is of a tool, but space of the scene is JOINTS, whose robots follow efforts"};
   std::vector<std::string> names = c.joints;
   const std::size_t n = arm ? arm->parameters->joints.size() : 0;
   if (names.empty() && arm)
@@ -62,7 +114,7 @@ std::unique_ptr<Node<JointTopics>> opened(const Choice& c, bool robot, const std
         fmt::format("{}: {} joints are named, but the arm of the scene has {}; name them in its order, as in "
                     "ros2:/arm,joints=shoulder:elbow:wrist, or take a URDF",
                     c.words, names.size(), n)};
-  return std::make_unique<Node<JointTopics>>(c.words, c.prefix, c.domain, robot, names);
+  return std::make_unique<Node<JointTopics>>(c.words, c.talk, robot, names);
 }
 
 template <class Quantity>
@@ -86,10 +138,10 @@ Numbers numbers(const Vector& v) {
 template <int N>
 class Ros2Robot final : public Robot<N> {
  public:
-  explicit Ros2Robot(const DriverOptions& o) : node_{opened(Choice{"--robot", o.arguments}, true, N == 6)} {}
+  explicit Ros2Robot(const DriverOptions& o) : Ros2Robot{Choice{"--robot", o.arguments}} {}
 
   [[nodiscard]] RobotInfo info() const override {
-    return {.name = node_->name, .has_force_sensor = node_->wrench.arrived};
+    return {.name = node_->name, .has_force_sensor = node_->wrench.arrived, .servo = servo_};
   }
   RobotSample<N> sense(const Tick<SlaveClock>& tick) noexcept override {
     const HardwareStatus status = node_->read(tick.ended);
@@ -109,13 +161,16 @@ class Ros2Robot final : public Robot<N> {
   [[nodiscard]] std::string trouble() const override { return node_->trouble(); }
 
  private:
+  explicit Ros2Robot(const Choice& c) : servo_{c.servo}, node_{opened(c, true, N == 6)} {}
+
+  std::optional<Servo> servo_;
   std::unique_ptr<Node<ToolTopics>> node_;
 };
 
 template <int N>
 class Ros2Device final : public Device<N> {
  public:
-  explicit Ros2Device(const DriverOptions& o) : node_{opened(Choice{"--device", o.arguments}, false, N == 6)} {}
+  explicit Ros2Device(const DriverOptions& o) : node_{opened(of_device(o), false, N == 6)} {}
 
   [[nodiscard]] DeviceInfo info() const override { return {.name = node_->name}; }
   DeviceSample<N> sense(const Tick<MasterClock>& tick) noexcept override {
@@ -179,7 +234,7 @@ class Ros2Device<kJointPort> final : public Device<kJointPort> {
  public:
   static constexpr bool kDrivesJoints = true;
   explicit Ros2Device(const DriverOptions& o)
-      : node_{opened(Choice{"--device", o.arguments}, false, o.scene.device ? o.scene.device->arm : std::nullopt)} {}
+      : node_{opened(of_device(o), false, o.scene.device ? o.scene.device->arm : std::nullopt)} {}
 
   [[nodiscard]] DeviceInfo info() const override { return {.name = node_->name}; }
   DeviceSample<kJointPort> sense(const Tick<MasterClock>& tick) noexcept override {
@@ -205,8 +260,12 @@ class Ros2Device<kJointPort> final : public Device<kJointPort> {
 }  // namespace
 
 void add_ros2(Registry& all) {
-  all.devices.add<Ros2Device>("ros2", "ros2:PREFIX[,domain=N][,joints=NAME:...], a device behind topics of ROS 2");
-  all.robots.add<Ros2Robot>("ros2", "ros2:PREFIX[,domain=N][,joints=NAME:...], a robot behind topics of ROS 2");
+  all.devices.add<Ros2Device>("ros2",
+                              "ros2:PREFIX[,domain=N][,joints=NAME:...][,names=crtk][,frame=NAME][,silence_ms=N], a "
+                              "device behind topics of ROS 2");
+  all.robots.add<Ros2Robot>("ros2",
+                            "ros2:PREFIX[,domain=N][,joints=NAME:...][,names=crtk][,servo=HZ:MS:MS][,frame=NAME][,"
+                            "silence_ms=N], a robot behind topics of ROS 2");
 }
 
 }  // namespace twoport

@@ -29,15 +29,26 @@
 
 namespace twoport::ros2 {
 
-inline constexpr int kWatchdogMs = 100;  // without a message, or without a command
+inline constexpr int kWatchdogMs = 100;  // without a command
 inline constexpr std::chrono::seconds kDiscovery{5};
+
+/// How a node talks.
+struct Talk {
+  std::string prefix;
+  dds_domainid_t domain = 0;
+  std::string frame;  ///< frame_id of poses, twists and wrenches that go out; empty: world
+  bool crtk = false;  ///< names of the Collaborative Robotics Toolkit; each command there is a mode, so one goes out
+  bool follows_positions = false;  ///< a robot: set points are its commands, not forces
+  int silence_ms = 100;            ///< without a message that came before: a fault
+};
 
 using Type = dds_topic_descriptor_t;
 
 /// What has come of a topic.
 class Inbox {
  public:
-  Inbox(std::string of, const Type& with, bool must_come) : topic{std::move(of)}, type{with}, needed{must_come} {}
+  Inbox(std::string of, const Type& with, bool must_come, bool crtk)
+      : topic{std::move(of)}, type{with}, needed{must_come}, stamped{crtk} {}
   virtual ~Inbox() = default;
   Inbox(const Inbox&) = delete;
 
@@ -54,17 +65,20 @@ class Inbox {
     for (; dds_take(reader, &sample, &info, 1, 1) > 0; dds_return_loan(reader, &sample, 1)) {
       if (!info.valid_data) continue;
       ++came;
-      if (!post(sample)) ++dropped;
+      const auto& [s, ns] = static_cast<const std_msgs_msg_dds__Header_*>(sample)->stamp;
+      if ((stamped && s == 0 && ns == 0) || !post(sample)) ++dropped;
     }
   }
   [[nodiscard]] std::string none_for(double seconds) const {
     return fmt::format("nothing on {} ({}) for {} s; {} messages had come, of which {} were dropped: {}", topic,
-                       type.m_typename, seconds, came.load(), dropped.load(), bad());
+                       type.m_typename, seconds, came.load(), dropped.load(),
+                       bad() + (stamped ? ", or the stamp 0, which says that there is no data" : ""));
   }
 
   const std::string topic;
   const Type& type;
-  const bool needed;  ///< without it nothing begins
+  const bool needed;   ///< without it nothing begins
+  const bool stamped;  ///< a stamp of 0 says that there is no data, as CRTK has it
   std::atomic<std::uint64_t> came{0}, dropped{0};
   Seconds silence{};
   bool fresh = false, arrived = false;
@@ -100,8 +114,8 @@ inline const Type &kPose = geometry_msgs_msg_dds__PoseStamped__desc,
 /// `turns`: has a quaternion that must be a rotation.
 class GeometryInbox final : public Inbox {
  public:
-  GeometryInbox(const std::string& of, const Type& with, bool must_come, bool turns = false)
-      : Inbox{of, with, must_come}, turns_{turns} {}
+  GeometryInbox(const std::string& of, const Type& with, bool must_come, bool crtk, bool turns = false)
+      : Inbox{of, with, must_come, crtk}, turns_{turns} {}
   Numbers numbers{};
 
  private:
@@ -131,8 +145,8 @@ struct JointNumbers {
 /// Of joints by their names, which may stand in any order and beside others. `moves`: position and velocity count, else effort.
 class JointInbox final : public Inbox {
  public:
-  JointInbox(const std::string& of, bool must_come, const std::vector<std::string>& names, bool moves)
-      : Inbox{of, kJointState, must_come}, names_{names}, moves_{moves} {}
+  JointInbox(const std::string& of, bool must_come, bool crtk, const std::vector<std::string>& names, bool moves)
+      : Inbox{of, kJointState, must_come, crtk}, names_{names}, moves_{moves} {}
   JointNumbers numbers{};
 
  private:
@@ -193,53 +207,63 @@ inline std_msgs_msg_dds__Header_ header_now(char* frame) noexcept {
   return {{static_cast<std::int32_t>(s), static_cast<std::uint32_t>(ns)}, frame};
 }
 
-/// pose, twist and a robot's wrench come; command goes, and target_pose and target_twist to a robot. `turns`: the attitude is used.
+/// pose, twist and a robot's wrench come; command goes, and target_pose and target_twist to a robot. By CRTK measured_cp, measured_cv and
+/// measured_cf come and servo_cf or servo_cp goes. `turns`: the attitude is used.
 class ToolTopics {
  public:
   struct Command {
     Numbers wrench{}, pose{}, twist{};
   };
-  ToolTopics(const std::string& prefix, bool robot, bool turns)
-      : pose{prefix + "/pose", kPose, true, turns},
-        twist{prefix + "/twist", kTwist, true},
-        wrench{prefix + "/wrench", kWrench, false},
-        inboxes{&pose, &twist} {
+  ToolTopics(const Talk& talk, bool robot, bool turns)
+      : pose{talk.prefix + (talk.crtk ? "/measured_cp" : "/pose"), kPose, true, talk.crtk, turns},
+        twist{talk.prefix + (talk.crtk ? "/measured_cv" : "/twist"), kTwist, true, talk.crtk},
+        wrench{talk.prefix + (talk.crtk ? "/measured_cf" : "/wrench"), kWrench, false, talk.crtk},
+        inboxes{&pose, &twist},
+        frame_{talk.frame.empty() ? "world" : talk.frame} {
     if (robot) inboxes.push_back(&wrench);
   }
   GeometryInbox pose, twist, wrench;
 
  protected:
-  void open_writers(dds_entity_t in, const std::string& prefix) {
-    command_ = open_topic(in, prefix + "/command", kWrench);
-    if (inboxes.back() != &wrench) return;
-    target_pose_ = open_topic(in, prefix + "/target_pose", kPose);
-    target_twist_ = open_topic(in, prefix + "/target_twist", kTwist);
+  void open_writers(dds_entity_t in, const Talk& talk) {
+    const bool robot = inboxes.back() == &wrench;
+    if (talk.crtk) {
+      (talk.follows_positions ? target_pose_ : command_) =
+          open_topic(in, talk.prefix + (talk.follows_positions ? "/servo_cp" : "/servo_cf"),
+                     talk.follows_positions ? kPose : kWrench);
+      return;
+    }
+    command_ = open_topic(in, talk.prefix + "/command", kWrench);
+    if (!robot) return;
+    target_pose_ = open_topic(in, talk.prefix + "/target_pose", kPose);
+    target_twist_ = open_topic(in, talk.prefix + "/target_twist", kTwist);
   }
-  void publish(const Command& command, bool lets_go) const noexcept {
-    write(command_, lets_go ? Numbers{} : command.wrench);
+  void publish(const Command& command, bool lets_go) noexcept {
+    if (command_) write(command_, lets_go ? Numbers{} : command.wrench);
     if (target_twist_) write(target_twist_, lets_go ? Numbers{} : command.twist);
     if (target_pose_ && !lets_go) write(target_pose_, command.pose);
   }
   std::vector<Inbox*> inboxes;  ///< a command answers the first one
 
  private:
-  static void write(dds_entity_t writer, const Numbers& numbers) noexcept {
-    char frame[] = "world";
-    const Message message{header_now(frame), numbers};
+  void write(dds_entity_t writer, const Numbers& numbers) noexcept {
+    const Message message{header_now(frame_.data()), numbers};
     dds_write(writer, &message);
   }
+  std::string frame_;
   dds_entity_t command_ = 0, target_pose_ = 0, target_twist_ = 0;  ///< 0: there is none
 };
 
-/// joint_states and a robot's external_effort come; joint_command goes, and its efforts alone as joint_effort.
+/// joint_states and a robot's external_effort come; joint_command goes, and its efforts alone as joint_effort. By CRTK measured_js comes in
+/// place of joint_states, and servo_jf goes, which has efforts alone.
 class JointTopics {
  public:
   using Command = JointNumbers;
-  JointTopics(const std::string& prefix, bool robot, const std::vector<std::string>& names)
-      : states{prefix + "/joint_states", true, names, true},
-        external{prefix + "/external_effort", false, names, false},
+  JointTopics(const Talk& talk, bool robot, const std::vector<std::string>& names)
+      : states{talk.prefix + (talk.crtk ? "/measured_js" : "/joint_states"), true, talk.crtk, names, true},
+        external{talk.prefix + "/external_effort", false, talk.crtk, names, false},
         inboxes{&states},
-        robot_{robot},
+        set_point_goes_{robot && !talk.crtk},
         names_{names} {
     for (std::string& each : names_) pointers_.push_back(each.data());
     if (robot) inboxes.push_back(&external);
@@ -247,9 +271,9 @@ class JointTopics {
   JointInbox states, external;
 
  protected:
-  void open_writers(dds_entity_t in, const std::string& prefix) {
-    command_ = open_topic(in, prefix + "/joint_command", kJointState);
-    effort_ = open_topic(in, prefix + "/joint_effort", kArray);
+  void open_writers(dds_entity_t in, const Talk& talk) {
+    command_ = open_topic(in, talk.prefix + (talk.crtk ? "/servo_jf" : "/joint_command"), kJointState);
+    if (!talk.crtk) effort_ = open_topic(in, talk.prefix + "/joint_effort", kArray);
   }
   /// A set point goes to a robot that is not let go.
   void publish(Command command, bool lets_go) noexcept {
@@ -259,7 +283,7 @@ class JointTopics {
     const auto sequence = [](JointNumbers::Each& of, std::uint32_t length) {
       return dds_sequence_double{length, length, of.data(), false};
     };
-    const std::uint32_t moves = robot_ && !lets_go ? n : 0;
+    const std::uint32_t moves = set_point_goes_ && !lets_go ? n : 0;
     const sensor_msgs_msg_dds__JointState_ state{header_now(frame),
                                                  {n, n, pointers_.data(), false},
                                                  sequence(command.position, moves),
@@ -267,15 +291,15 @@ class JointTopics {
                                                  sequence(command.effort, n)};
     const std_msgs_msg_dds__Float64MultiArray_ efforts{{}, sequence(command.effort, n)};
     dds_write(command_, &state);
-    dds_write(effort_, &efforts);
+    if (effort_) dds_write(effort_, &efforts);
   }
   std::vector<Inbox*> inboxes;
 
  private:
-  bool robot_;
+  bool set_point_goes_;
   std::vector<std::string> names_;
   std::vector<char*> pointers_;
-  dds_entity_t command_ = 0, effort_ = 0;
+  dds_entity_t command_ = 0, effort_ = 0;  ///< 0: there is none
 };
 
 /// Topics of ROS 2 below a prefix, of tool or joints, and the thread that publishes.
@@ -285,10 +309,9 @@ class Node : public Topics {
   using typename Topics::Command;
   /// Waits for the topics. Throws ConfigError, which `choice` begins.
   template <class... Of>
-  Node(const std::string& choice, const std::string& prefix, dds_domainid_t domain, const Of&... of)
-      : Node{Begun{}, prefix, domain, of...} {
-    participant_ = made(dds_create_participant(domain, nullptr, nullptr));
-    Topics::open_writers(participant_, prefix);
+  Node(const std::string& choice, const Talk& talk, const Of&... of) : Node{Begun{}, talk, of...} {
+    participant_ = made(dds_create_participant(talk.domain, nullptr, nullptr));
+    Topics::open_writers(participant_, talk);
     for (Inbox* each : inboxes) open_topic(participant_, each->topic, each->type, each);
     using std::chrono::steady_clock;
     const auto until = steady_clock::now() + kDiscovery;
@@ -312,11 +335,11 @@ class Node : public Topics {
   HardwareStatus read(Seconds ended) noexcept {
     for (Inbox* each : inboxes) {
       each->take(ended);
-      if (each->arrived && each->silence.si() > 1e-3 * kWatchdogMs && !silent_) silent_ = each;
+      if (each->arrived && each->silence.si() > silence_s_ && !silent_) silent_ = each;
     }
     return silent_ ? HardwareStatus::fault : inboxes.front()->fresh ? HardwareStatus::ok : HardwareStatus::stale;
   }
-  [[nodiscard]] std::string trouble() const { return silent_ ? silent_->none_for(1e-3 * kWatchdogMs) : ""; }
+  [[nodiscard]] std::string trouble() const { return silent_ ? silent_->none_for(silence_s_) : ""; }
   void write(const Command& command) noexcept {
     mail_.put(command);
     released_ = false;
@@ -335,8 +358,10 @@ class Node : public Topics {
   /// What it delegates to is whole, so that the destructor runs where it throws.
   struct Begun {};
   template <class... Of>
-  Node(Begun, const std::string& prefix, dds_domainid_t domain, const Of&... of)
-      : Topics{prefix, of...}, name{fmt::format("ROS 2 topics of {}, domain {}", prefix, domain)} {}
+  Node(Begun, const Talk& talk, const Of&... of)
+      : Topics{talk, of...},
+        name{fmt::format("ROS 2 topics of {}, domain {}", talk.prefix, talk.domain)},
+        silence_s_{1e-3 * talk.silence_ms} {}
 
   void run() noexcept {
     take_ordinary_priority();
@@ -352,6 +377,7 @@ class Node : public Topics {
     Topics::publish({}, true);
   }
 
+  const double silence_s_;
   const Inbox* silent_ = nullptr;
   Newest<Command> mail_;
   std::atomic<bool> released_{true}, going_{true};

@@ -23,7 +23,7 @@ std::optional<Number> number_from(std::string_view text, Base... base) {
 std::string_view trimmed(std::string_view text);
 /// Takes the next line off `rest`: without what follows a #, and without the blanks at both ends.
 std::string_view take_line(std::string_view& rest);
-/// As a terminal may show it: control characters other than line ends and tabs as \xNN.
+/// As a terminal may show it: control characters other than line ends and tabs as a backslash, x and two digits.
 std::string printable(std::string_view text);
 /// As printable(), in one line: line ends and tabs are blanks.
 std::string in_one_line(std::string_view text);

@@ -27,7 +27,7 @@ std::string inertia_fault(const Eigen::Matrix3d& inertia, double rounding = 0.0)
 /// joints beside the arm are held at 0 or at the nearer limit. Throws ConfigError with file, line and name.
 ArmParameters read_urdf(const std::string& text, const std::string& file, const std::string& tip);
 
-/// The shapes of its links' <visual>, of a link whose <visual> cannot be read those of its <collision>, with the same errors otherwise.
+/// The shapes of its links that are seen, `visual`; of a link whose `visual` cannot be read those of its `collision`, with the same errors otherwise.
 ShownArm read_urdf_shapes(const std::string& text, const std::string& file, const std::string& tip);
 
 }  // namespace twoport

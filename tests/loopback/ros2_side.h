@@ -33,11 +33,13 @@ inline dds_qos_t* qos_of_ros() {
 /// A node of ROS 2 as DDS sees it.
 class Ros2Side {
  public:
-  Ros2Side(const std::string& prefix, std::uint32_t domain)
+  using Names = std::vector<std::string>;
+  Ros2Side(const std::string& prefix, std::uint32_t domain, const Names& written = {"pose", "twist", "wrench"},
+           const Names& read = {"command", "target_pose", "target_twist"})
       : prefix_{prefix}, participant_{made(dds_create_participant(domain, nullptr, nullptr))} {
-    for (const char* name : {"pose", "twist", "wrench"})
+    for (const std::string& name : written)
       writers_[name] = made(dds_create_writer(participant_, topic(name), qos_, nullptr));
-    for (const char* name : {"command", "target_pose", "target_twist"})
+    for (const std::string& name : read)
       readers_[name] = made(dds_create_reader(participant_, topic(name), qos_, nullptr));
   }
   ~Ros2Side() {
@@ -48,14 +50,14 @@ class Ros2Side {
 
   /// Of a topic below the prefix.
   void publish(const std::string& name, const Seven& n) {
-    char frame[] = "base";
-    const std_msgs_msg_dds__Header_ header{{1, 2}, frame};
+    char of_base[] = "base";
+    const std_msgs_msg_dds__Header_ header{{stamp_s, 0}, of_base};
     const geometry_msgs_msg_dds__PoseStamped_ pose{header, {{n[0], n[1], n[2]}, {n[3], n[4], n[5], n[6]}}};
     const geometry_msgs_msg_dds__TwistStamped_ twist{header, {{n[0], n[1], n[2]}, {n[3], n[4], n[5]}}};
     const geometry_msgs_msg_dds__WrenchStamped_ wrench{header, {{n[0], n[1], n[2]}, {n[3], n[4], n[5]}}};
     const void* message = &pose;
-    if (name == "twist") message = &twist;
-    if (name == "wrench") message = &wrench;
+    if (is_twist(name)) message = &twist;
+    if (!is_twist(name) && !is_pose(name)) message = &wrench;
     dds_write(writers_.at(name), message);
   }
   /// The newest message that has not been taken; false: none.
@@ -66,11 +68,12 @@ class Ros2Side {
     for (; dds_take(readers_.at(name), &sample, &info, 1, 1) > 0; dds_return_loan(readers_.at(name), &sample, 1)) {
       if (!info.valid_data) continue;
       any = true;
-      if (name == "target_pose") {
+      frame = static_cast<std_msgs_msg_dds__Header_*>(sample)->frame_id;
+      if (is_pose(name)) {
         const auto& p = static_cast<geometry_msgs_msg_dds__PoseStamped_*>(sample)->pose;
         n = {p.position.x,    p.position.y,    p.position.z,   p.orientation.x,
              p.orientation.y, p.orientation.z, p.orientation.w};
-      } else if (name == "target_twist") {
+      } else if (is_twist(name)) {
         const auto& t = static_cast<geometry_msgs_msg_dds__TwistStamped_*>(sample)->twist;
         n = {t.linear.x, t.linear.y, t.linear.z, t.angular.x, t.angular.y, t.angular.z, 0.0};
       } else {
@@ -80,16 +83,19 @@ class Ros2Side {
     }
     return any;
   }
+  std::int32_t stamp_s = 1;  ///< of what is published
+  std::string frame;         ///< of what was taken last
   [[nodiscard]] dds_entity_t participant() const { return participant_; }
   [[nodiscard]] dds_entity_t reader(const std::string& name) const { return readers_.at(name); }
 
  private:
+  static bool is_pose(const std::string& name) { return name.ends_with("pose") || name.ends_with("_cp"); }
+  static bool is_twist(const std::string& name) { return name.ends_with("twist") || name.ends_with("_cv"); }
   dds_entity_t topic(const std::string& name) {
-    const bool pose = name.ends_with("pose"), twist = name.ends_with("twist");
     return made(dds_create_topic(participant_,
-                                 pose    ? &geometry_msgs_msg_dds__PoseStamped__desc
-                                 : twist ? &geometry_msgs_msg_dds__TwistStamped__desc
-                                         : &geometry_msgs_msg_dds__WrenchStamped__desc,
+                                 is_pose(name)    ? &geometry_msgs_msg_dds__PoseStamped__desc
+                                 : is_twist(name) ? &geometry_msgs_msg_dds__TwistStamped__desc
+                                                  : &geometry_msgs_msg_dds__WrenchStamped__desc,
                                  ("rt" + prefix_ + "/" + name).c_str(), nullptr, nullptr));
   }
 
@@ -107,15 +113,16 @@ class JointSide {
     std::vector<double> position, velocity, effort;
   };
 
-  JointSide(const std::string& prefix, std::uint32_t domain)
+  JointSide(const std::string& prefix, std::uint32_t domain, const std::string& states = "joint_states",
+            const std::string& command = "joint_command")
       : participant_{made(dds_create_participant(domain, nullptr, nullptr))} {
-    const auto topic = [&](const char* name, const dds_topic_descriptor_t& type) {
+    const auto topic = [&](const std::string& name, const dds_topic_descriptor_t& type) {
       return made(dds_create_topic(participant_, &type, ("rt" + prefix + "/" + name).c_str(), nullptr, nullptr));
     };
     const auto &state = sensor_msgs_msg_dds__JointState__desc, &array = std_msgs_msg_dds__Float64MultiArray__desc;
-    for (const char* name : {"joint_states", "external_effort"})
-      writers_[name] = made(dds_create_writer(participant_, topic(name, state), qos_, nullptr));
-    command_ = made(dds_create_reader(participant_, topic("joint_command", state), qos_, nullptr));
+    writers_["joint_states"] = made(dds_create_writer(participant_, topic(states, state), qos_, nullptr));
+    writers_["external_effort"] = made(dds_create_writer(participant_, topic("external_effort", state), qos_, nullptr));
+    command_ = made(dds_create_reader(participant_, topic(command, state), qos_, nullptr));
     effort_ = made(dds_create_reader(participant_, topic("joint_effort", array), qos_, nullptr));
   }
   ~JointSide() {

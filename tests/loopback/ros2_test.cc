@@ -263,6 +263,93 @@ TEST_F(Ros2, JointsAreFoundByTheirNamesAndGetTheirCommand) {
   EXPECT_EQ(hand.applied.vec(), first(1.0, 2.0, 3.0));
 }
 
+/// By the names of CRTK, where each command is a mode: one of them goes out.
+class Crtk : public Ros2 {
+ protected:
+  Ros2Side side{"/arm",
+                static_cast<std::uint32_t>(kDomain),
+                {"measured_cp", "measured_cv", "measured_cf"},
+                {"servo_cf", "servo_cp"}};
+  const std::map<std::string, Seven> somewhere{{"measured_cp", kSomewhere.at("pose")},
+                                               {"measured_cv", kSomewhere.at("twist")},
+                                               {"measured_cf", kSomewhere.at("wrench")}};
+  RobotCommand<6> command;
+  Seven n;
+  Crtk() {
+    Force<6>::Vector wrench;
+    wrench << 1.0, 2.0, 3.0, 0.1, 0.2, 0.3;
+    command = {Force<6>{wrench}, Position<6>{{7.0, 8.0, 9.0}, Eigen::Quaterniond{0.8, 0.0, 0.6, 0.0}}, {}};
+  }
+};
+
+TEST_F(Crtk, ARobotGetsForces) {
+  const Publishing publishing{side, somewhere};
+  const auto robot = open<Robot, 6>(in_domain("/arm") + ",names=crtk,frame=base_link");
+  EXPECT_FALSE(robot->info().servo);
+  EXPECT_TRUE(robot->info().has_force_sensor);
+  EXPECT_EQ(robot->sense(tick<SlaveClock>()).x.translation()[2], 0.3);
+  EXPECT_TRUE(within(2s, [&] {
+    robot->actuate(command);
+    return side.take("servo_cf", n) && n == Seven{1.0, 2.0, 3.0, 0.1, 0.2, 0.3, 0.0};
+  }));
+  EXPECT_EQ(side.frame, "base_link");
+  EXPECT_FALSE(side.take("servo_cp", n));
+  robot->release();
+  EXPECT_TRUE(within(90ms, [&] { return side.take("servo_cf", n) && n == Seven{}; }));
+}
+
+TEST_F(Crtk, ARobotThatObeysPositionsGetsThemAlone) {
+  const Publishing publishing{side, somewhere};
+  const auto robot = open<Robot, 6>(in_domain("/arm") + ",names=crtk,servo=500:4:8.5");
+  ASSERT_TRUE(robot->info().servo);
+  EXPECT_EQ(*robot->info().servo, (Servo{Seconds{1.0 / 500}, Seconds{4e-3}, Seconds{8.5e-3}}));
+  EXPECT_TRUE(within(2s, [&] {
+    robot->actuate(command);
+    return side.take("servo_cp", n) && n == Seven{7.0, 8.0, 9.0, 0.0, 0.6, 0.0, 0.8};
+  }));
+  EXPECT_EQ(side.frame, "world");
+  EXPECT_FALSE(side.take("servo_cf", n));
+  robot->release();
+  std::this_thread::sleep_for(20ms);
+  side.take("servo_cp", n);
+  EXPECT_FALSE(within(150ms, [&] { return side.take("servo_cp", n); })) << "released, it stays where it is";
+}
+
+TEST_F(Crtk, TheStampZeroIsNoDataAndSilenceMayBeLonger) {
+  auto publishing = std::make_unique<Publishing>(side, somewhere);
+  const auto robot = open<Robot, 6>(in_domain("/arm") + ",names=crtk,silence_ms=300");
+  publishing.reset();
+  side.stamp_s = 0;
+  publishing = std::make_unique<Publishing>(side, somewhere);
+  std::this_thread::sleep_for(50ms);
+  RobotSample<6> s = robot->sense(tick<SlaveClock>());
+  for (int k = 0; k < 290; ++k) s = robot->sense(tick<SlaveClock>());
+  EXPECT_EQ(s.status, HardwareStatus::stale);
+  for (int k = 0; k < 20; ++k) s = robot->sense(tick<SlaveClock>());
+  EXPECT_EQ(s.status, HardwareStatus::fault);
+  const std::string why = robot->trouble();
+  EXPECT_NE(why.find("nothing on /arm/measured_cp (geometry_msgs::msg::dds_::PoseStamped_) for 0.3 s"), why.npos)
+      << why;
+  EXPECT_EQ(why.find("of which 0 were dropped"), why.npos) << why;
+  EXPECT_NE(why.find("the stamp 0, which says that there is no data"), why.npos) << why;
+}
+
+TEST_F(Ros2, JointsByTheNamesOfCrtkGetEffortsAlone) {
+  JointSide side{"/arm", static_cast<std::uint32_t>(kDomain), "measured_js", "servo_jf"};
+  const PublishingJoints publishing{side, kJointsSomewhere, kLoad};
+  const auto robot = open<Robot, 8>(in_domain("/arm") + ",joints=a:b:c,names=crtk", scene_of_arms());
+  EXPECT_EQ(robot->sense(tick<SlaveClock>()).x.translation(), first(0.1, 0.2, 0.3));
+  JointSide::State n;
+  EXPECT_TRUE(within(2s, [&] {
+    robot->actuate({Force<8>{first(1.5, 2.5, 3.5)}, Position<8>{first(0.5, 0.6, 0.7)}, {}});
+    return side.take(n) && n.effort == std::vector{1.5, 2.5, 3.5};
+  }));
+  EXPECT_EQ(n.name, (Names{"a", "b", "c"}));
+  EXPECT_TRUE(n.position.empty());
+  std::vector<double> effort;
+  EXPECT_FALSE(side.take(effort)) << "joint_effort is no name of CRTK";
+}
+
 TEST_F(Ros2, AJointWithoutANumberIsDroppedAndSilenceIsAFault) {
   JointSide::State lacks = kJointsSomewhere, nan = kJointsSomewhere, cut = kJointsSomewhere;
   lacks.name[3] = "d";
@@ -301,6 +388,8 @@ TEST_F(Ros2, JointsWithoutNamesAreRefusedInWords) {
       why_not("/arm,domain=7"),
       "--robot ros2:/arm,domain=7: 0 joints are named, but the arm of the scene has 3; name them in its order, as in "
       "ros2:/arm,joints=shoulder:elbow:wrist, or take a URDF");
+  EXPECT_NE(why_not("/arm,joints=a:b:c,servo=500:1:1").find("servo is of a tool, but space of the scene is JOINTS"),
+            std::string::npos);
   EXPECT_NE(why_not("/arm,domain=7,joints=a:b").find("2 joints are named, but the arm of the scene has 3"),
             std::string::npos);
   try {
@@ -376,8 +465,24 @@ TEST_F(Ros2, ArgumentsAndMissingTopicsAreRefusedInWords) {
     return "opened";
   };
   for (const std::string bad :
-       {"", "/", "/1arm", "/arm/", "/a//b", "/arm,domain=233", "/arm,domain=-1", "/arm,domain=", "/arm,rate=3", "/a b"})
+       {"", "/", "/1arm", "/arm/", "/a//b", "/arm,domain=233", "/arm,domain=-1", "/arm,domain=", "/a b"})
     EXPECT_EQ(why_not(bad).find("--robot ros2:" + bad + ": name the namespace"), 0U) << why_not(bad);
+  for (const auto& [option, why] :
+       std::map<std::string, std::string>{{"rate=3", R"("rate=3"; options are domain=N, joints=)"},
+                                          {"names=ros", R"("names=ros"; options are )"},
+                                          {"frame=", R"("frame="; options are )"},
+                                          {"servo=500", R"(servo's delay in ms "" is no number from 0 to 1000)"},
+                                          {"servo=5:1:1", R"(servo's rate in Hz "5" is no number from 10 to 10000)"},
+                                          {"servo=500:1:1e3", R"(servo's lag in ms "1e3" is no number from 0 to 1000)"},
+                                          {"silence_ms=5", R"(silence_ms "5" is no number from 10 to 10000)"}})
+    EXPECT_EQ(why_not("/arm," + option).find("--robot ros2:/arm," + option + ": " + why), 0U)
+        << why_not("/arm," + option);
+  try {
+    open<Device, 3>("/arm,servo=500:1:1");
+    ADD_FAILURE() << "opened";
+  } catch (const ConfigError& e) {
+    EXPECT_NE(std::string{e.what()}.find("servo is of a robot that obeys positions only"), std::string::npos);
+  }
   EXPECT_NE(why_not(std::string(100000, 'a')).find("name the namespace"), std::string::npos);
   setenv("ROS_DOMAIN_ID", "many", 1);
   EXPECT_EQ(why_not("/arm").find("--robot ros2:/arm with ROS_DOMAIN_ID=many: name"), 0U);

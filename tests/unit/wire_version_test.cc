@@ -24,7 +24,7 @@ struct WireVersion {
 };
 constexpr WireVersion kWireVersions[] = {
     {1, 0x569f0f783e77e61f, "0.1.0"},
-    {2, 0xfa5cb7548d5b5c70, ""},
+    {2, 0xfa5cb7548d5b5c70, "0.2.0"},
 };
 
 /// Everything about a message that decides its bytes: number, type and repetition of each field, in the order of numbers.
