@@ -9,6 +9,7 @@
 #include <array>
 #include <atomic>
 #include <boost/asio/buffer.hpp>
+#include <boost/asio/error.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/write.hpp>
@@ -282,8 +283,13 @@ class Controller {
   }
   void negotiate(bool first) {
     heard_.clear();
-    stream_.emplace(context_);
-    Error error = complete(*stream_, opening_, [&](auto done) { stream_->async_connect(rtde_at_, done); });
+    Error error;
+    // A controller that is only starting refuses connections.
+    for (const auto until = Now::now() + opening_;; std::this_thread::sleep_for(kRetry)) {
+      stream_.emplace(context_);
+      error = complete(*stream_, opening_, [&](auto done) { stream_->async_connect(rtde_at_, done); });
+      if (!first || error != asio::error::connection_refused || Now::now() > until) break;
+    }
     if (!error) stream_->socket().set_option(tcp::no_delay{true}, error);
     if (error)
       throw Refused{"no controller is there (" + error.message() + "); check the address, and that RTDE is enabled"};

@@ -160,6 +160,28 @@ TEST(Ur, AsksAsTheProtocolSays) {
   EXPECT_EQ(controller.ended(), "");
 }
 
+TEST(Ur, WaitsForAControllerThatIsStarting) {
+  std::optional<UrController> controller{std::in_place, TWOPORT_ARMS};
+  const std::string choice = controller->choice();
+  const std::uint16_t port = controller->port();
+  controller.reset();
+  std::thread starts{[&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds{300});
+    controller.emplace(TWOPORT_ARMS, UrOptions{.port = port});
+  }};
+  EXPECT_NO_THROW((void)all_drivers().robots.open<3>(choice, parse_scene(press(3), "scene"), kPeriod));
+  starts.join();
+  controller.reset();
+  try {
+    (void)all_drivers().robots.open<3>(choice, parse_scene(press(3), "scene"), kPeriod);
+    ADD_FAILURE() << "opened";
+  } catch (const ConfigError& e) {
+    EXPECT_EQ(std::string{e.what()}, "--robot " + choice +
+                                         ": no controller is there (Connection refused); check the address, and that "
+                                         "RTDE is enabled");
+  }
+}
+
 TEST(Ur, SaysWhatAControllerRefuses) {
   EXPECT_EQ(refusal<3>({.speaks_version_2 = false}), "the controller does not speak version 2 of RTDE");
   EXPECT_EQ(refusal<3>({.version = {3, 15, 4}}),
