@@ -108,6 +108,7 @@ void SimDevice<N>::move_arm() noexcept {
   if constexpr (N == 6) {
     if (hand_) arm_->lead(path_.at(static_cast<double>(tick_) * dt_).x);
     const BodyState<6> now = arm_->advance(Force<6>{-held_.vec()});
+    applied_ = arm_->applied_part() * held_;
     handle_.set_state({now.x, port_vector<6>(now.v.vec())});
     energy_ = -arm_->port_energy();
   }

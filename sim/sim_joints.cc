@@ -35,13 +35,13 @@ SimDevice<kJointPort>::SimDevice(const Scene& scene, Seconds dt)
 }
 
 void SimDevice<kJointPort>::advance() noexcept {
-  applied_ = held_;
   ++tick_;
   if (led_) {
     arm_->lead(path_.at(static_cast<double>(tick_) * dt_).x);
     arm_->lead_finger(opening_.at(static_cast<double>(tick_) * dt_).x.translation()[0]);
   }
   arm_->advance_joints(-held_);
+  applied_ = arm_->applied_part() * held_;
   state_ = arm_->joints();
   if (!encoder_.ideal()) encoder_.sample(x(), v());
 }

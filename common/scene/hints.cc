@@ -275,11 +275,11 @@ std::vector<NamedArm> arms(const Scene& s) {
   return all;
 }
 
-/// The first joint that cannot hold arm and tool at rest at the first position, counted from 1, and the largest mass of a tool that it
-/// can hold there. Weight torques are linear in that mass.
+/// The first joint that cannot hold arm and tool at rest at the first position, counted from 1, the torque that it needs there, what it has,
+/// and the largest mass of a tool that it can hold. Weight torques are linear in that mass.
 struct TooHeavy {
   std::size_t joint = 0;
-  double most_kg = 0.0;
+  double needs = 0.0, has = 0.0, most_kg = 0.0;
 };
 TooHeavy too_heavy(const NamedArm& of) {
   if constexpr (!built_for(6)) return {};
@@ -300,7 +300,9 @@ TooHeavy too_heavy(const NamedArm& of) {
     const double most = each[i] > 0.0   ? (has - alone[i]) / each[i]
                         : each[i] < 0.0 ? (-has - alone[i]) / each[i]
                                         : std::numeric_limits<double>::infinity();
-    if (most < least) least = most, found = {static_cast<std::size_t>(i) + 1, std::max(0.0, most)};
+    if (most < least)
+      least = most, found = {static_cast<std::size_t>(i) + 1, std::abs(alone[i] + arm.tool_mass_kg * each[i]), has,
+                             std::max(0.0, most)};
   }
   return found;
 }
@@ -424,9 +426,9 @@ constexpr Hint kHints[] = {
       for (const NamedArm& arm : arms(s))
         if (const TooHeavy of = too_heavy(arm); of.joint != 0)
           return fmt::format(
-              "{}.tool_mass_kg is {:g}: joint {} cannot hold more than {:.3g} kg at the first position, so the arm "
-              "sinks",
-              arm.path, arm.arm->tool_mass_kg, of.joint, of.most_kg);
+              "{}: joint {} needs {:.3g} N m to carry arm and tool at the first position and has {:.3g}, so the arm "
+              "sinks and follows no command; tool_mass_kg is {:g}, and may be {:.3g} there",
+              arm.path, of.joint, of.needs, of.has, arm.arm->tool_mass_kg, of.most_kg);
       return std::string{};
     }},
     {[](const Scene& s) {

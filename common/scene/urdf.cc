@@ -506,7 +506,7 @@ class ArmOfTree {
     const std::string& name = joint.mimic->joint_name;
     const urdf::JointConstSharedPtr other = model_.getJoint(name);
     if (!other) of_.fail_joint(joint.name, "mimics joint \"{}\", which there is not", name);
-    if (moving_.contains(name) || depth > model_.joints_.size())
+    if (depth > model_.joints_.size())
       of_.fail_joint(joint.name, "mimics joint \"{}\"; each joint of an arm moves by itself", name);
     return joint.mimic->offset + joint.mimic->multiplier * held_position(*other, depth + 1);
   }

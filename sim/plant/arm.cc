@@ -149,10 +149,7 @@ BodyState<6> ArmPlant::advance(const Force<6>& f) noexcept {
 
 void ArmPlant::advance_joints(const Force<kJointPort>& torque) noexcept {
   const Joints gravity = model_.gravity_torque(now_.pose, kGravity);
-  const Joints wanted = gravity + torque.vec().head(gravity.size());
-  torque_ = wanted.cwiseMin(most_torque_).cwiseMax(-most_torque_);
-  saturated_ = torque_ != wanted;
-  commanded_ = torque_ - gravity;
+  drive(torque.vec().head(gravity.size()), gravity);
   move();
 }
 void ArmPlant::kick_joints(const Velocity<kJointPort>& dv) noexcept {
@@ -417,10 +414,21 @@ void ArmPlant::control(const Vector6& wrench) noexcept {
     sensed_ += sensor_weight_ * (met_.outside + inertial() - sensed_);
     within += J.transpose() * feedback(wrench + sensed_);
   }
-  const Joints wanted = gravity + J.transpose() * wrench + within;
-  torque_ = wanted.cwiseMin(most_torque_).cwiseMax(-most_torque_);
-  saturated_ = torque_ != wanted;
-  commanded_ = torque_ - gravity - within;
+  drive(J.transpose() * wrench, gravity + within);
+}
+/// Beside the others that part of the command that keeps the limits; none where the others alone do not.
+void ArmPlant::drive(const Joints& command, const Joints& others) noexcept {
+  double part = 1.0;
+  for (Eigen::Index i = 0; i < command.size(); ++i) {
+    const double most = most_torque_[i], room = most - (command[i] > 0.0 ? others[i] : -others[i]);
+    if (std::abs(others[i]) > most)
+      part = 0.0;
+    else if (part * std::abs(command[i]) > room)
+      part = room / std::abs(command[i]);
+  }
+  applied_part_ = part;
+  commanded_ = part * command;
+  torque_ = (others + commanded_).cwiseMin(most_torque_).cwiseMax(-most_torque_);
 }
 
 void ArmPlant::find(const Joints& q, Place& at) const noexcept {

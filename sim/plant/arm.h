@@ -32,8 +32,9 @@ struct HandOnTool {
 /// A serial arm of 6 to 8 joints with torque control that holds a tool in an environment. At every tick its controller turns
 /// the commanded wrench f at the tool into joint torques, which are then held:
 ///
-///     τ = clamp( g(q) + Jᵀ (f + G (f + f_s)) + N (k_n (q_0 - q) - d_n q̇) )      N = 1 - Jᵀ Λ J M⁻¹,   Λ = (J M⁻¹ Jᵀ)⁻¹
+///     τ = clamp( g(q) + Jᵀ (λ f + G (f + f_s)) + N (k_n (q_0 - q) - d_n q̇) )      N = 1 - Jᵀ Λ J M⁻¹,   Λ = (J M⁻¹ Jᵀ)⁻¹
 ///
+/// λ in [0, 1], the same for all joints, keeps the command beside the other torques within the joints' limits: λ f is what is applied.
 /// f_s: reading of a wrist sensor without errors, the force on the flange through the tool without its weight, low-passed where
 /// the scene says so; G: gain of the force feedback, which makes the arm without its tool 1 + G times lighter (N. Hogan, J. Dyn. Syst. Meas.
 /// Control 107(1), 1985). With a gain of its own for the rotation G = Λ D⁻¹ Λ⁻¹ D⁻¹ - 1, of the arm without its tool, which is then felt as
@@ -103,7 +104,7 @@ class ArmPlant final {
 
   [[nodiscard]] const State& state() const noexcept { return s_; }
   [[nodiscard]] const ArmModel& model() const noexcept { return model_; }
-  /// Energy of the commanded wrench into the arm through the joints [J].
+  /// Energy of the applied wrench, or of the applied torques, into the arm through the joints [J].
   [[nodiscard]] Energy port_energy() const noexcept { return energy_; }
   /// Energy of all torques into the arm through the joints [J].
   [[nodiscard]] Energy joint_energy() const noexcept { return all_energy_; }
@@ -119,9 +120,10 @@ class ArmPlant final {
   }
   /// Kinetic energy, weight, and what stops, environment and object hold [J].
   [[nodiscard]] double mechanical_energy() const noexcept;
-  /// Torques of the joints in the last tick [N m], prismatic: [N], and whether limits took a part of them.
+  /// Torques of the joints in the last tick [N m], prismatic: [N].
   [[nodiscard]] const Joints& torque() const noexcept { return torque_; }
-  [[nodiscard]] bool saturated() const noexcept { return saturated_; }
+  /// λ of the last tick.
+  [[nodiscard]] double applied_part() const noexcept { return applied_part_; }
   void set_state(const State& state) noexcept;
 
  private:
@@ -174,6 +176,7 @@ class ArmPlant final {
   [[nodiscard]] bool keeps(const Step& step, double t) const noexcept;
   void choose_directions(const Place& at, const Joints& load) noexcept;
   void control(const Vector6& wrench) noexcept;
+  void drive(const Joints& command, const Joints& others) noexcept;
   void move() noexcept;
   void arrive(double t) noexcept;
   [[nodiscard]] Vector6 inertial() const noexcept;
@@ -201,7 +204,8 @@ class ArmPlant final {
   Joints direction_ = zero_;  ///< of a joint with Coulomb friction: 1 or -1; 0 while it is held
   Vector6 sensed_ = Vector6::Zero();
   Joints torque_ = zero_, commanded_ = zero_;
-  bool saturated_ = false, senses_tool_ = false;
+  double applied_part_ = 1.0;
+  bool senses_tool_ = false;
   mutable Clearance clearance_;  ///< no state: without it the results are the same
   double dissipated_j_ = 0.0, outside_j_ = 0.0, contacts_j_ = 0.0, at_start_j_ = 0.0;
   Energy energy_, all_energy_;

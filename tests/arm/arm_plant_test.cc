@@ -136,7 +136,8 @@ TEST(ArmPlant, NullSpaceMotionLeavesTheToolAlone) {
 TEST(ArmPlant, KeepsTheTorqueLimits) {
   SimRobot<6> r = robot();
   push(r, wrench(5000, 0, 0));
-  EXPECT_TRUE(r.arm()->saturated());
+  EXPECT_LT(r.arm()->applied_part(), 1.0);
+  EXPECT_GT(r.arm()->applied_part(), 0.0);
   EXPECT_LE(r.arm()->torque().cwiseAbs().head<4>().maxCoeff(), 87.0);
   EXPECT_LE(r.arm()->torque().cwiseAbs().tail<3>().maxCoeff(), 12.0);
 }

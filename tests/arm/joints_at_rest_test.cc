@@ -130,5 +130,32 @@ TEST(JointLimits, HoldInARun) {
   EXPECT_GE(least, -simulation->initial_energy().si() - 1e-4);
 }
 
+// The leader carries a tool and is outstretched: a shoulder has little room beside the weight, and the command is more than that.
+TEST(JointLimits, OfWeightAndCommandTogetherKeepTheHandsEnergy) {
+  const std::string arm = "arm { file: \"" TWOPORT_SCENES
+                          "/../arms/panda.textproto\" joint_position_rad: [0, 1.2, 0, -0.6, 0, 1.9, 0.785] "
+                          "joint_damping_n_m_s_per_rad: 0.5 ";
+  const std::string text =
+      "name: 'heavy' space: JOINTS duration_s: 5 rate_hz: 1000 seed: 7 operator { hand { mass_kg: 0.05 "
+      "stiffness_n_per_m: 1500 damping_n_s_per_m: 30 inertia_kg_m2: 1e-4 rotational_stiffness_n_m_per_rad: 20 "
+      "rotational_damping_n_m_s_per_rad: 1 } path { hold { duration_s: 0.5 } } path { move_to { position_m: [0, 0, "
+      "-0.08] "
+      "duration_s: 1 } } path { hold { duration_s: 1 } } path { move_to { position_m: [0, 0, 0] duration_s: 1 } } } "
+      "to_slave { delay_ms: 50 loss: 0.02 } to_master { delay_ms: 50 loss: 0.02 } environment { wall { normal: [0, 0, "
+      "1] "
+      "offset_m: -0.03 stiffness_n_per_m: 10000 friction: 0.2 } } device { " +
+      arm + "tool_mass_kg: 3 } } robot { force_sensor { } " + arm +
+      "} } control { virtual_coupling { stiffness_n_per_m: 1000 damping_n_s_per_m: 40 } passivity { layer: ";
+  for (const std::string passivity : {"ENERGY_SPRING", "ENERGY_EXCHANGE"}) {
+    const auto simulation = lab::make_simulation<N>(parse_scene(text + passivity + " } }", "heavy"));
+    double least = 0.0;
+    simulation->run([&](const Row<N>& row) {
+      least = std::min(least, row.master_energy_j);
+      return true;
+    });
+    EXPECT_GE(least, -simulation->initial_energy().si() - 1e-4) << passivity;
+  }
+}
+
 }  // namespace
 }  // namespace twoport

@@ -376,5 +376,32 @@ TEST(SimJoints, SenseTheTorquesOfTheEnvironment) {
   EXPECT_EQ(robot.sense().f_environment.vec(), -robot.environment_force().vec());
 }
 
+// A command that leaves no room beside the weight is applied in part, in its direction; the account of what was applied is the plant's.
+TEST(JointArm, SaysWhatItAppliesBesideItsWeight) {
+  const Scene scene = scene_of({"device.arm.tool_mass_kg=2"});
+  sim::SimDevice<N> device{scene, Seconds{1e-3}};
+  const Force<N> most{Axes::Constant(60.0).cwiseProduct((Axes{} << 1, 1, 1, 1, .1, .1, .1, 0).finished())};
+  double booked_j = 0.0;
+  int part = 0;
+  for (int k = 0; k < 500; ++k) {
+    const Force<N> f = (k / 50 % 2 == 0 ? 1.0 : -1.0) * (k % 100 < 25 ? 0.1 : 1.0) * most;
+    device.actuate(f);
+    const Axes before = device.x().translation();
+    device.advance();
+    const Force<N> applied = device.sense().applied;
+    booked_j += applied.vec().dot(device.x().translation() - before);
+    EXPECT_NEAR(device.port_energy().si(), booked_j, 1e-12 * (1.0 + std::abs(booked_j)));
+    const double share = applied.vec().dot(f.vec()) / f.vec().squaredNorm();
+    EXPECT_LT((applied.vec() - share * f.vec()).norm(), 1e-9) << "in its direction";
+    if (share < 1.0 - 1e-12) ++part;
+    const auto& torque = device.arm()->torque();
+    for (int i = 0; i < torque.size(); ++i)
+      EXPECT_LE(std::abs(torque[i]),
+                scene.device->arm->parameters->joints[static_cast<std::size_t>(i)].max_effort + 1e-9);
+  }
+  EXPECT_GT(part, 50);
+  EXPECT_LT(part, 450);
+}
+
 }  // namespace
 }  // namespace twoport

@@ -128,12 +128,13 @@ TEST(HintsOfAnArm, NameAToolThatItCannotCarry) {
   EXPECT_EQ(hints_of("tool_mass_kg: 3 tool_center_m: [0, 0, 0.05]").size(), 0U);
   const auto heavy = hints_of("tool_mass_kg: 30");
   ASSERT_EQ(heavy.size(), 1U);
-  EXPECT_TRUE(heavy[0].starts_with("robot.arm.tool_mass_kg is 30: joint ")) << heavy[0];
+  EXPECT_TRUE(heavy[0].starts_with("robot.arm: joint ")) << heavy[0];
+  EXPECT_NE(heavy[0].find("tool_mass_kg is 30, and may be "), std::string::npos) << heavy[0];
   // Ready position: the flange is 0.307 m before the shoulder, and the arm itself needs 1.7 of the shoulder's 87 N m the other way;
   // the wrist has 12 N m for the 88 mm of the last link: 12.1 kg at most.
-  const std::size_t at = heavy[0].find("more than ");
+  const std::size_t at = heavy[0].find("may be ");
   ASSERT_NE(at, std::string::npos) << heavy[0];
-  EXPECT_NEAR(std::stod(heavy[0].substr(at + 10)), (12.0 - 1.59) / (0.088 * 9.81), 0.2) << heavy[0];
+  EXPECT_NEAR(std::stod(heavy[0].substr(at + 7)), (12.0 - 1.59) / (0.088 * 9.81), 0.2) << heavy[0];
 }
 
 TEST(HintsOfAnArm, NameALowRateAndAnIntegratorThatDoesNotApply) {

@@ -573,10 +573,6 @@ TEST(Urdf, SaysWhatIsWrongWithAFile) {
            {changed("xyz='0 0 0.7'", "xyz='0 0 zero'"), "", "zero"},
            {changed("xyz='0 0 0.7'", "xyz='0 0 nan'"), "", "a"},
            {two_links("<link name='f'/><joint name='d' type='prismatic'><parent link='lower'/><child link='f'/><mimic "
-                      "joint='b'/>" +
-                      std::string{kLimit} + "</joint>"),
-            "tool", "joint \"d\" mimics joint \"b\""},
-           {two_links("<link name='f'/><joint name='d' type='prismatic'><parent link='lower'/><child link='f'/><mimic "
                       "joint='nobody'/>" +
                       std::string{kLimit} + "</joint>"),
             "tool", "joint \"d\" mimics joint \"nobody\", which there is not"},
@@ -593,6 +589,22 @@ TEST(Urdf, SaysWhatIsWrongWithAFile) {
   EXPECT_NE(error_of([&] { load(lines); }).find(fmt::format("arm_of_a_test.urdf:{}: joint \"a\" is planar", line)),
             std::string::npos)
       << error_of([&] { load(lines); });
+}
+
+/// The second finger of a gripper whose first one is a joint of the arm.
+TEST(Urdf, HoldsAMimicBesideThePathWhereItsJointIsHeld) {
+  const auto finger = [](const std::string& mimic) {
+    return load(
+        two_links("<link name='f'><inertial><mass value='0.3'/><inertia ixx='1e-3' iyy='1e-3' izz='1e-3' ixy='0' "
+                  "ixz='0' iyz='0'/></inertial></link><joint name='d' type='prismatic'><parent link='lower'/><child "
+                  "link='f'/><axis xyz='1 0 0'/>" +
+                  mimic + std::string{kLimit} + "</joint>"),
+        "tool");
+  };
+  const ArmParameters arm = finger("<mimic joint='b' multiplier='-1' offset='0.02'/>"), still = finger("");
+  EXPECT_EQ(arm.joints.size(), still.joints.size());
+  const double moved_m = 0.02 * 0.3 / arm.joints.back().mass_kg;
+  EXPECT_NEAR((arm.joints.back().center_m - still.joints.back().center_m).norm(), moved_m, 1e-12);
 }
 
 /// As base beside tool0 in the descriptions of industrial arms.
