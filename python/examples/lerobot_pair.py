@@ -2,7 +2,7 @@
 # # A pair of LeRobot's arms with force feedback
 # Leader and follower are simulated servos with the methods of LeRobot's SO-101 classes: positions in degrees, set points as commands and as
 # feedback. `loop` is LeRobot's. A hand moves the first joint of the leader until the follower presses on a stop, and back. Once the loop has
-# the follower itself, once twoport.lerobot.Robot in its place.
+# the arms themselves, once twoport.lerobot's in their place.
 #
 #     PYTHONPATH=build/release/python /usr/bin/python3 python/examples/lerobot_pair.py
 
@@ -122,8 +122,9 @@ def main():
         teleop, robot = Leader(), Follower()
         world = World(teleop, robot)
         if name == "twoport":
-            scene = twoport.load_scene(SCENE)
-            robot = twoport.lerobot.Robot(scene, teleop, robot, servo_stiffness_n_m_per_rad=STIFFNESS_N_M_PER_RAD, clock=lambda: world.t_s)
+            scene, clock = twoport.load_scene(SCENE), lambda: world.t_s
+            teleop = twoport.lerobot.Teleoperator(scene, teleop, robot, servo_stiffness_n_m_per_rad=STIFFNESS_N_M_PER_RAD, clock=clock)
+            robot = twoport.lerobot.Robot(teleop)
         felt, pressed, _ = loop(teleop, robot, 60, world)
         print(f"{name:15} felt {abs(felt):.2f} N m of {pressed:.2f} N m, least energy put in {1e3 * world.least_j:.1f} mJ")
 

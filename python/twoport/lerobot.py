@@ -1,9 +1,10 @@
 """Arms of LeRobot with force feedback, and recordings as its datasets.
 
-Robot stands for the follower where the leader is, Teleoperator for the leader where the follower is. They have the methods and properties
-that LeRobot 0.6 documents for its classes of these names, and need nothing of it but the arms that they are given:
+Teleoperator stands for the leader and Robot for the follower in a loop of LeRobot's, on one computer or at each of two. They have the methods
+and properties that LeRobot 0.6 documents for its classes of these names, and need nothing of it but the arms that they are given:
 
-    robot = twoport.lerobot.Robot(scene, leader, follower)       # the pair on one computer; the loop stays as it is
+    teleop = twoport.lerobot.Teleoperator(scene, leader, follower)       # the pair on one computer; the loop stays as it is
+    robot = twoport.lerobot.Robot(teleop)
 
 Units: joints are JOINT.pos and JOINT.vel in LeRobot's units, degrees for arms, and JOINT.torque [N m]. `joints` says what others there are.
 """
@@ -27,9 +28,9 @@ COUPLES_WITHIN_S = 30.0
 class _Arm:
     """Joints of an arm of LeRobot: names, units, and velocities where the arm states none."""
 
-    def __init__(self, what: str, scene: Scene, features: Mapping[str, Any], joints: Mapping[str, Tuple[float, float]]):
-        self.what = what
-        self.names = [key[: -len(".pos")] for key in features if key.endswith(".pos")]
+    def __init__(self, what: str, arm: Any, scene: Scene, joints: Mapping[str, Tuple[float, float]]):
+        self.what, self.arm = what, arm
+        self.names = [key[: -len(".pos")] for key in arm.action_features if key.endswith(".pos")]
         if len(self.names) != scene.dof:
             raise ValueError(f"{what} has {len(self.names)} joints ({', '.join(self.names)}); the arms of {scene.source} have {scene.dof}")
         for name in joints:
@@ -68,12 +69,20 @@ class _Arm:
         self.before = t_s, q
         return q, v
 
+    def connect(self, calibrate: bool) -> None:
+        if not self.arm.is_connected:
+            self.arm.connect(calibrate)
+
+    def disconnect(self) -> None:
+        if self.arm.is_connected:
+            self.arm.disconnect()
+
 
 class _Follower(_Arm):
     """One that takes set points."""
 
     def __init__(self, arm: Any, scene: Scene, joints: Mapping[str, Tuple[float, float]]):
-        super().__init__("follower", scene, arm.action_features, joints)
+        super().__init__("follower", arm, scene, joints)
         self.torque = np.zeros(scene.dof)  # of the coupling on it
         self.wanted: Any = None
 
@@ -95,8 +104,7 @@ class _Leader(_Arm):
     """One that displays torques: by its motors, or by set points of its servos."""
 
     def __init__(self, arm: Any, scene: Scene, joints: Mapping[str, Tuple[float, float]], stiffness: Union[float, Sequence[float], None]):
-        super().__init__("leader", scene, arm.action_features, joints)
-        self.arm = arm
+        super().__init__("leader", arm, scene, joints)
         self.by_torque = self.has(arm.feedback_features, "torque")
         if not self.by_torque and not self.has(arm.feedback_features, "pos"):
             raise ValueError(f"leader displays nothing: its feedback_features have neither {self.names[0]}.torque nor {self.names[0]}.pos")
@@ -113,28 +121,29 @@ class _Leader(_Arm):
         else:
             self.arm.send_feedback(self.positions(q + torque / self.stiffness))
 
-    def start(self) -> None:
+    def connect(self, calibrate: bool) -> None:
         """Without a torque, then with its motors on."""
+        super().connect(calibrate)
         q, _ = self.read(self.arm.get_action(), -1.0)
         self.display(q, np.zeros(len(q)))
         getattr(self.arm, "enable_torque", lambda: None)()
 
-    def end(self) -> None:
-        if not self.arm.is_connected:
-            return
-        if self.by_torque:
-            self.display(None, np.zeros(len(self.names)))
-        getattr(self.arm, "disable_torque", lambda: None)()
+    def disconnect(self) -> None:
+        if self.arm.is_connected:
+            if self.by_torque:
+                self.display(None, np.zeros(len(self.names)))
+            getattr(self.arm, "disable_torque", lambda: None)()
+        super().disconnect()
 
 
 class _Shared:
-    """What both classes have of LeRobot's interface."""
+    """What both classes have of LeRobot's interface. An arm of another computer is None."""
 
     name = "twoport"
     calibration: Dict[str, Any] = {}
 
-    def __init__(self, clock: Callable[[], float], name: Optional[str]):
-        self.id, self._clock, self._start, self._connected = name, clock, clock(), False
+    def __init__(self, arm: Any, id: Optional[str]):
+        self._arm, self.id, self._connected = arm, id, False
 
     def __str__(self) -> str:
         return f"{self.id} {type(self).__name__}"
@@ -161,21 +170,29 @@ class _Shared:
     def configure(self) -> None:
         """Nothing to do."""
 
-    def _now_s(self) -> float:
-        return self._clock() - self._start
+    def connect(self, calibrate: bool = True) -> None:
+        if self._arm:
+            self._arm.connect(calibrate)
+        self._connected = True
+
+    def disconnect(self) -> None:
+        if self._arm and self._connected:
+            self._arm.disconnect()
+        self._connected = False
 
     def _need_connection(self, what: str) -> None:
         if not self._connected:
             raise ConnectionError(f"{what}: {self} is not connected; call connect() first")
 
 
-class Robot(_Shared):
-    """The follower, as the loop at the leader's side sees it. send_action() moves it and displays its force at the leader.
+class Teleoperator(_Shared):
+    """The leader. get_action() is one tick: it displays the follower's force at the leader and returns where the follower is wanted.
 
     scene: with space JOINTS and the number of joints of the arms; its rate is that of the loop
-    leader: the teleoperator, connected before this. Torques go to its send_feedback(), as JOINT.torque [N m] or, where its
+    leader: a teleoperator of LeRobot. Torques go to its send_feedback(), as JOINT.torque [N m] or, where its
         feedback_features have JOINT.pos only, as set points of servos of servo_stiffness_n_m_per_rad
-    follower: a robot of LeRobot, which this connects; or "ADDRESS:PORT", where a Teleoperator of another process listens
+    follower: a robot of LeRobot
+    Where one of the two is at another computer, it is ADDRESS:PORT: as leader that to listen at, as follower that of who listens.
     joints: (radians in one unit, radians at zero) of joints that are not in degrees with the zero of the scene's arm
     key: file of twoport-keygen; without one only addresses of this machine
     Errors: ValueError; OSError where the two sides cannot work together.
@@ -193,37 +210,36 @@ class Robot(_Shared):
         id: Optional[str] = None,
         clock: Callable[[], float] = time.monotonic,
     ):
-        super().__init__(clock, id)
-        self.leader = _Leader(leader, scene, joints, servo_stiffness_n_m_per_rad)
-        self.cameras: Mapping[str, Any] = {}
-        self._observation: Optional[Dict[str, Any]] = None
-        if isinstance(follower, str):
-            self.follower = None
-            self._live = LiveMaster(scene, follower, key=key)
-            self._peer: Dict[str, float] = {}
+        self.leader: Any = None if isinstance(leader, str) else _Leader(leader, scene, joints, servo_stiffness_n_m_per_rad)
+        self.follower: Any = None if isinstance(follower, str) else _Follower(follower, scene, joints)
+        super().__init__(self.leader, id)
+        self._clock, self._start = clock, clock()
+        self._side: Any
+        if self.leader and self.follower:
+            self._side, self._slave = MasterNode(scene), SlaveNode(scene)
+        elif self.leader:
+            self._side = LiveMaster(scene, follower, key=key)
+        elif self.follower:
+            self._side = LiveSlave(scene, leader, key=key)
         else:
-            self.follower = follower
-            self.cameras = getattr(follower, "cameras", {})
-            self._arm = _Follower(follower, scene, joints)
-            self._master, self._slave = MasterNode(scene), SlaveNode(scene)
+            raise ValueError(f"leader and follower are {leader} and {follower}; one of them must be an arm of this computer")
+        self._seen: Optional[Mapping[str, Any]] = None  # of the follower, since the last tick; over a link the newest
 
     @property
     def action_features(self) -> Dict[str, type]:
-        return dict(self.follower.action_features) if self.follower else self.leader.features("pos")
+        return dict(self.leader.arm.action_features) if self.leader else self.follower.features("pos")
 
     @property
-    def observation_features(self) -> Dict[str, Any]:
-        """Those of the follower, and JOINT.torque [N m] of each joint: the follower's own reading, else the coupling's on it."""
-        own = self.follower.observation_features if self.follower else self.leader.features("pos")
-        return {**own, **self.leader.features("torque")}
+    def feedback_features(self) -> Dict[str, Any]:
+        """None: the coupling gives the leader its force."""
+        return {}
 
-    @property
-    def _side(self) -> Any:
-        return self._master if self.follower else self._live
+    def send_feedback(self, feedback: Mapping[str, Any]) -> None:
+        """Nothing to do."""
 
     @property
     def observed_j(self) -> float:
-        """Energy that the hand has put in, E(0) not included [J]."""
+        """Energy that the hand has put in, E(0) not included [J]; not at a follower whose leader is elsewhere."""
         return self._side.observed_j
 
     @property
@@ -234,117 +250,82 @@ class Robot(_Shared):
     def mode(self) -> str:
         return self._side.mode
 
-    def connect(self, calibrate: bool = True) -> None:
-        """Connects a follower of this process, else waits until the other side is coupled, for half a minute."""
-        if self.follower and not self.follower.is_connected:
-            self.follower.connect(calibrate)
-        self.leader.start()
-        self._connected = True
-        until_s = self._now_s() + COUPLES_WITHIN_S
-        while not self.follower and self.mode != "coupled":
-            if self._now_s() > until_s:
-                self.disconnect()
-                raise ConnectionError(f"no side has coupled within {COUPLES_WITHIN_S:g} s; start the Teleoperator at the follower")
-            self._step_link(self.leader.arm.get_action())
-
-    def get_observation(self) -> Dict[str, Any]:
-        self._need_connection("get_observation")
+    def get_action(self) -> Dict[str, Any]:
+        """The follower stays while no leader is coupled. Where the follower is elsewhere: the leader's own positions."""
+        self._need_connection("get_action")
+        t_s = self._clock() - self._start
         if self.follower:
-            self._observation = self.follower.get_observation()
-            return {**self._arm.named("torque", self._arm.torque), **self._observation}
-        return dict(self._peer)
-
-    def send_action(self, action: Mapping[str, Any]) -> Dict[str, Any]:
-        """One tick, of the leader's positions; returns what the follower was sent, or over a link the action."""
-        self._need_connection("send_action")
+            seen, self._seen = self._seen or self.follower.arm.get_observation(), None
+            x, v_x = self.follower.read(seen, t_s)
+            f = self.follower.touches(seen)
+        if not self.leader:
+            out = self._side.step(x, v_x, f)
+            return self.follower.follow(out, out.set_point, x)
+        action = self.leader.arm.get_action()
+        q, v_q = self.leader.read(action, t_s)
         if not self.follower:
-            self._step_link(action)
+            self.leader.display(q, -self._side.step(q, v_q).force)
+            if self._side.peer_x is not None:
+                self._seen = {**self.leader.positions(self._side.peer_x), **self.leader.named("torque", self._side.peer_f)}
             return dict(action)
-        seen, self._observation = self._observation or self.follower.get_observation(), None
-        t_s = self._now_s()
-        q, v = self.leader.read(action, t_s)
-        at_hand = self._master.step(t_s, q, v)
+        at_hand = self._side.step(t_s, q, v_q)
         if at_hand.message is not None:
             self._slave.receive(at_hand.message)
-        x, v = self._arm.read(seen, t_s)
-        at_robot = self._slave.step(t_s, x, v, f_environment=self._arm.touches(seen))
+        at_robot = self._slave.step(t_s, x, v_x, f_environment=f)
         if at_robot.message is not None:
-            self._master.receive(at_robot.message)
+            self._side.receive(at_robot.message)
         self.leader.display(q, -at_hand.force)
-        return self.follower.send_action({**action, **self._arm.follow(at_robot, at_robot.x_d, x)})
+        return {**action, **self.follower.follow(at_robot, at_robot.x_d, x)}
 
-    def _step_link(self, action: Mapping[str, Any]) -> None:
-        q, v = self.leader.read(action, self._now_s())
-        self.leader.display(q, -self._live.step(q, v).force)
-        x = self._live.peer_x
-        if x is not None:
-            self._peer = {**self.leader.positions(x), **self.leader.named("torque", self._live.peer_f)}
-
-    def disconnect(self) -> None:
-        self.leader.end()
-        if self.follower and self._connected:
-            self.follower.disconnect()
-        self._connected = False
+    def _wait_for_follower(self) -> None:
+        """Half a minute at most."""
+        until_s = self._clock() + COUPLES_WITHIN_S
+        while self.mode != "coupled":
+            if self._clock() > until_s:
+                self.disconnect()
+                raise ConnectionError(f"no side has coupled within {COUPLES_WITHIN_S:g} s; start the loop at the follower")
+            self.get_action()
 
 
-class Teleoperator(_Shared):
-    """The leader, as the loop at the follower's side sees it: get_action() returns where the follower is wanted.
+class Robot(_Shared):
+    """The follower of a Teleoperator. get_observation() has the force besides, and the Teleoperator's next tick takes it.
 
-    scene, joints, key: as for Robot, the same on both sides. listen: ADDRESS:PORT for the Robot of another process
-    follower: the robot of LeRobot, which the loop connects
+    Where the follower is elsewhere the link says where it is, connect() waits until the two are coupled, and send_action() does nothing.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        listen: str,
-        follower: Any,
-        *,
-        joints: Mapping[str, Tuple[float, float]] = {},
-        key: str = "",
-        id: Optional[str] = None,
-        clock: Callable[[], float] = time.monotonic,
-    ):
-        super().__init__(clock, id)
-        self.follower = follower
-        self._arm = _Follower(follower, scene, joints)
-        self._live = LiveSlave(scene, listen, key=key)
-        self._seen: Optional[Mapping[str, Any]] = None
+    robot_type = _Shared.name
+
+    def __init__(self, teleop: Teleoperator):
+        super().__init__(teleop.follower, teleop.id)
+        self._teleop = teleop
+        self.cameras: Mapping[str, Any] = getattr(self._arm.arm, "cameras", {}) if self._arm else {}
 
     @property
     def action_features(self) -> Dict[str, type]:
-        return self._arm.features("pos")
+        return dict(self._arm.arm.action_features) if self._arm else self._teleop.action_features
 
     @property
-    def feedback_features(self) -> Dict[str, Any]:
-        """The follower's observation; where the loop sends none, get_action() asks the follower for it."""
-        return dict(self.follower.observation_features)
-
-    @property
-    def mode(self) -> str:
-        return self._live.mode
-
-    @property
-    def round_trip_s(self) -> Optional[float]:
-        return self._live.round_trip_s
+    def observation_features(self) -> Dict[str, Any]:
+        """Those of the follower, and JOINT.torque [N m] of each joint: the follower's own reading, else the coupling's on it."""
+        arm = self._arm or self._teleop.leader
+        return {**(self._arm.arm.observation_features if self._arm else arm.features("pos")), **arm.features("torque")}
 
     def connect(self, calibrate: bool = True) -> None:
-        self._connected = True
+        if not self._arm:
+            self._teleop._wait_for_follower()
+        super().connect(calibrate)
 
-    def send_feedback(self, feedback: Mapping[str, Any]) -> None:
-        self._need_connection("send_feedback")
-        self._seen = feedback
+    def get_observation(self) -> Dict[str, Any]:
+        self._need_connection("get_observation")
+        if not self._arm:
+            return dict(self._teleop._seen)
+        self._teleop._seen = seen = self._arm.arm.get_observation()
+        return {**self._arm.named("torque", self._arm.torque), **seen}
 
-    def get_action(self) -> Dict[str, float]:
-        """One tick; where the follower is wanted. It stays while no leader is coupled."""
-        self._need_connection("get_action")
-        seen, self._seen = self._seen or self.follower.get_observation(), None
-        q, v = self._arm.read(seen, self._now_s())
-        out = self._live.step(q, v, self._arm.touches(seen))
-        return self._arm.follow(out, out.set_point, q)
-
-    def disconnect(self) -> None:
-        self._connected = False
+    def send_action(self, action: Mapping[str, Any]) -> Dict[str, Any]:
+        """Returns what the follower was sent."""
+        self._need_connection("send_action")
+        return self._arm.arm.send_action(action) if self._arm else dict(action)
 
 
 def _declare() -> None:
@@ -367,11 +348,32 @@ _FEATURES = {
     "observation.state": ("slave_x", "pos"),
     "observation.velocity": ("slave_v", "vel"),
     "observation.force": ("env_f", "force"),
-    "action": ("master_x", "pos"),
+    "action": ("slave_x", "pos"),  # less position_error
     "action.force": ("master_f", "force"),
 }
 _INDICES = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64", "task_index": "int64"}
 _DATA, _EPISODES = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet", "meta/episodes/chunk-000/file-000.parquet"
+
+
+def _turned(by: Any, r: Any) -> Any:
+    """The rotation vector of a turn by r, then by `by`."""
+
+    def quaternion(v: Any) -> Tuple[Any, Any]:
+        half = np.linalg.norm(v, axis=1, keepdims=True) / 2
+        return np.cos(half), np.sinc(half / np.pi) / 2 * v
+
+    (a, b), (c, d) = quaternion(by), quaternion(r)
+    w, u = a * c - (b * d).sum(axis=1, keepdims=True), a * d + c * b + np.cross(b, d)
+    half = np.arctan2(np.linalg.norm(u, axis=1, keepdims=True), np.abs(w))
+    return np.copysign(2.0, w) * u / np.sinc(half / np.pi)
+
+
+def _wanted(trace: Any, poses: bool) -> Any:
+    """Where the robot is wanted: the hand's position as it has arrived, in the robot's place and scale. Not coupled: where it is."""
+    x, error = trace["slave_x"], trace["position_error"]
+    if not poses:
+        return x - error
+    return np.hstack([x[:, :3] - error[:, :3], _turned(-error[:, 3:], x[:, 3:])])
 
 
 def _frames(recording: Recording, fps: int, episode: int, first: int) -> Dict[str, Any]:
@@ -382,6 +384,7 @@ def _frames(recording: Recording, fps: int, episode: int, first: int) -> Dict[st
     rows = np.searchsorted(trace["t_s"], trace["t_s"][0] + time_s + 1e-9, side="right") - 1
     frames = {feature: trace[column][rows].reshape(count, -1).astype(np.float32) for feature, (column, _) in _FEATURES.items()}
     frames["observation.force"] *= -1.0  # of the robot on the environment
+    frames["action"] = _wanted(trace[rows], "," in recording.units["slave_x"]).reshape(count, -1).astype(np.float32)
     frames["timestamp"] = time_s.astype(np.float32)
     frames["frame_index"], frames["index"] = np.arange(count), first + np.arange(count)
     frames["episode_index"], frames["task_index"] = np.full(count, episode), np.zeros(count, int)
@@ -410,7 +413,7 @@ def write_dataset(
     """Writes recordings (.mcap) as episodes with forces: a dataset of LeRobot's layout v3.0, without videos; returns its info.json.
 
     names: of the axes or joints; absent: joint_1, ... Units are SI, named in info.json; observation.force is that of the robot on what it
-    touches. Errors: ValueError.
+    touches, action where the robot is wanted. Errors: ValueError.
     """
     if not recordings:
         raise ValueError("recordings are none; at least one must be given")

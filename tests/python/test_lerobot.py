@@ -80,6 +80,16 @@ class TorqueLeader(pair.Leader):
         return self.torque
 
 
+class TurnedLeader(pair.Leader):
+    """Each joint reads 20 degrees more than the hand has moved it."""
+
+    def get_action(self):
+        return {name: position + 20.0 for name, position in self.positions().items()}
+
+    def send_feedback(self, feedback):
+        self.take({name: position - 20.0 for name, position in feedback.items()})
+
+
 class SensingFollower(pair.Follower):
     world = None
 
@@ -93,8 +103,8 @@ class SensingFollower(pair.Follower):
 
 def run(leader, follower, *overrides, **options):
     world = follower.world = pair.World(leader, follower)
-    robot = twoport.lerobot.Robot(scene(*overrides), leader, follower, clock=lambda: world.t_s, **options)
-    return pair.loop(leader, robot, 60, world), world, robot
+    teleop = twoport.lerobot.Teleoperator(scene(*overrides), leader, follower, clock=lambda: world.t_s, **options)
+    return pair.loop(teleop, twoport.lerobot.Robot(teleop), 60, world), world, teleop
 
 
 class Interface(unittest.TestCase):
@@ -116,34 +126,41 @@ class Interface(unittest.TestCase):
 
     def test_features_are_those_of_what_is_returned(self):
         leader, follower = pair.Leader(), pair.Follower()
-        robot = twoport.lerobot.Robot(scene(), leader, follower, servo_stiffness_n_m_per_rad=STIFFNESS, clock=iter(np.arange(100) / 60.0).__next__)
-        self.assertFalse(robot.is_connected)
-        self.assertTrue(robot.is_calibrated)
-        leader.connect(), robot.connect()
-        self.assertTrue(robot.is_connected and follower.is_connected)
+        clock = iter(np.arange(100) / 60.0).__next__
+        teleop = twoport.lerobot.Teleoperator(scene(), leader, follower, servo_stiffness_n_m_per_rad=STIFFNESS, clock=clock)
+        robot = twoport.lerobot.Robot(teleop)
+        for ours, arm in ((teleop, leader), (robot, follower)):
+            self.assertFalse(ours.is_connected)
+            self.assertTrue(ours.is_calibrated)
+            ours.connect()
+            self.assertTrue(ours.is_connected and arm.is_connected)
         self.assertEqual(set(robot.get_observation()), set(robot.observation_features))
-        self.assertEqual(set(robot.send_action(leader.get_action())), set(robot.action_features))
-        self.assertEqual(set(robot.action_features), set(leader.action_features))
-        robot.disconnect()
-        self.assertFalse(robot.is_connected or follower.is_connected)
+        action = teleop.get_action()
+        self.assertEqual(set(action), set(teleop.action_features))
+        self.assertEqual(set(robot.send_action(action)), set(robot.action_features))
+        self.assertEqual(set(robot.action_features), set(teleop.action_features))
+        self.assertEqual((robot.robot_type, robot.id, robot.cameras), (robot.name, None, {}))
+        for ours, arm in ((teleop, leader), (robot, follower)):
+            ours.disconnect()
+            self.assertFalse(ours.is_connected or arm.is_connected)
 
     def test_units_of_joints_are_what_is_stated(self):
         """A gripper of 0 to 100, 1.9 rad wide: the leader's is opened by 10 of 100, and the follower's set point moves by as much."""
         leader, follower, now = pair.Leader(), pair.Follower(), [0.0]
         arms = {joint: (0.019, 0.0) for joint in ("gripper",)}
-        robot = twoport.lerobot.Robot(scene(), leader, follower, joints=arms, servo_stiffness_n_m_per_rad=STIFFNESS, clock=lambda: now[0])
-        leader.connect(), robot.connect()
+        teleop = twoport.lerobot.Teleoperator(scene(), leader, follower, joints=arms, servo_stiffness_n_m_per_rad=STIFFNESS, clock=lambda: now[0])
+        teleop.connect()
         for k in range(300):
             now[0] = (k + 1) / 60.0
-            robot.get_observation()
             moved = min(1.0, max(0.0, k / 60.0 - 1.0))
-            sent = robot.send_action({**leader.positions(), "gripper.pos": 10.0 * moved, "elbow_flex.pos": 5.0 * moved})
+            leader.get_action = lambda: {**leader.positions(), "gripper.pos": 10.0 * moved, "elbow_flex.pos": 5.0 * moved}
+            sent = teleop.get_action()
             follower.q = np.radians([sent[f"{joint}.pos"] for joint in pair.JOINTS[:5]] + [0.0])
             follower.q[5] = np.radians(sent["gripper.pos"])
         self.assertAlmostEqual(sent["gripper.pos"], 10.0, delta=0.3)
         self.assertAlmostEqual(sent["elbow_flex.pos"], 5.0, delta=0.1)
         # What the set point of the leader's gripper says is in its unit too.
-        robot.leader.display(np.array([0, 0, 0, 0, 0, 0.38]), np.array([0, 0, 0, 0, 0, 0.019 * STIFFNESS]))
+        teleop.leader.display(np.array([0, 0, 0, 0, 0, 0.38]), np.array([0, 0, 0, 0, 0, 0.019 * STIFFNESS]))
         self.assertAlmostEqual(np.degrees(leader.goal[5]), 21.0, delta=1e-9)
 
     def test_what_cannot_work_is_refused_in_one_sentence(self):
@@ -155,35 +172,39 @@ class Interface(unittest.TestCase):
         class Silent(pair.Leader):
             feedback_features = {}
 
-        make = twoport.lerobot.Robot
+        make, robot = twoport.lerobot.Teleoperator, twoport.lerobot.Robot
         for call, error, words in (
             (lambda: make(scene(), Less(), follower), ValueError, r"leader has 1 joints \(shoulder_pan\); the arms of .*so101.textproto have 6"),
             (lambda: make(scene(), Silent(), follower), ValueError, "leader displays nothing: its feedback_features have neither shoulder_pan.torque nor"),
             (lambda: make(scene(), leader, follower), ValueError, "servo_stiffness_n_m_per_rad is missing"),
             (lambda: make(scene(), leader, follower, servo_stiffness_n_m_per_rad=0), ValueError, "servo_stiffness_n_m_per_rad is 0; it must be above 0"),
             (lambda: make(scene(), leader, follower, joints={"jaw": (1, 0)}), ValueError, "joints: jaw is no joint of leader; it must be one of shoulder_pan"),
-            (lambda: make(scene(), TorqueLeader(), follower).get_observation(), ConnectionError, "not connected; call connect"),
-            (lambda: make(scene(), TorqueLeader(), follower).send_action({}), ConnectionError, "not connected; call connect"),
+            (lambda: make(scene(), TorqueLeader(), follower).get_action(), ConnectionError, "get_action: None Teleoperator is not connected; call connect"),
+            (lambda: robot(make(scene(), TorqueLeader(), follower)).get_observation(), ConnectionError, "None Robot is not connected; call connect"),
+            (lambda: robot(make(scene(), TorqueLeader(), follower)).send_action({}), ConnectionError, "None Robot is not connected; call connect"),
+            (lambda: robot(make(scene(), TorqueLeader(), "127.0.0.1:45000")).connect(), ConnectionError, "None Teleoperator is not connected"),
             (lambda: make(scene(), TorqueLeader(), "192.0.2.1:45000"), ValueError, "without a key only addresses of this machine"),
+            (lambda: make(scene(), "here", "there"), ValueError, "leader and follower are here and there; one of them must be an arm of this computer"),
         ):
             with self.assertRaisesRegex(error, words):
                 call()
-        robot = make(scene(), TorqueLeader(), follower)
-        robot.leader.arm.connect(), robot.connect()
+        teleop = make(scene(), TorqueLeader(), follower)
+        teleop.connect()
+        teleop.leader.arm.get_action = dict
         with self.assertRaisesRegex(ValueError, "leader says nothing of 'shoulder_pan.pos'"):
-            robot.send_action({})
+            teleop.get_action()
 
 
 class Pair(unittest.TestCase):
-    """The loop with one object replaced."""
+    """The loop with its two objects replaced."""
 
     def test_servos_as_leader_display_what_the_follower_presses(self):
-        (felt, pressed, said), world, robot = run(pair.Leader(), pair.Follower(), servo_stiffness_n_m_per_rad=STIFFNESS)
+        (felt, pressed, said), world, teleop = run(pair.Leader(), pair.Follower(), servo_stiffness_n_m_per_rad=STIFFNESS)
         self.assertGreater(pressed, 1.0)
         self.assertAlmostEqual(abs(felt), pressed, delta=0.05 * pressed)
         self.assertAlmostEqual(said, pressed, delta=0.05 * pressed)
         # What the servos do within a tick is energy that the hand puts in, and is not in the account.
-        self.assertGreater(world.energy_j, robot.observed_j)
+        self.assertGreater(world.energy_j, teleop.observed_j)
         self.assertGreater(world.least_j, -12.6e-3)
 
     def test_the_hand_gets_no_more_than_the_allowance(self):
@@ -191,13 +212,33 @@ class Pair(unittest.TestCase):
         least = {}
         for method in ("NONE", "INTERNAL_MODEL"):
             overrides = "control.architecture=POSITION_MEASURED_FORCE", f"control.passivity.method={method}"
-            (felt, pressed, _), world, robot = run(TorqueLeader(), SensingFollower(), *overrides)
+            (felt, pressed, _), world, teleop = run(TorqueLeader(), SensingFollower(), *overrides)
             least[method] = world.least_j
             self.assertGreater(pressed, 0.4)
             self.assertAlmostEqual(abs(felt), pressed, delta=0.05 * pressed)
-            self.assertAlmostEqual(robot.observed_j, world.energy_j, delta=1e-3)
+            self.assertAlmostEqual(teleop.observed_j, world.energy_j, delta=1e-3)
         self.assertLess(least["NONE"], -15e-3)
         self.assertGreater(least["INTERNAL_MODEL"], -12.6e-3)
+
+    def test_the_action_is_what_the_follower_is_sent(self):
+        """The leader begins 20 degrees ahead, and its motion counts half: LeRobot's recorder stores what get_action() returns."""
+        leader, follower = TurnedLeader(), pair.Follower()
+        world = pair.World(leader, follower)
+        options = {"servo_stiffness_n_m_per_rad": STIFFNESS, "clock": lambda: world.t_s}
+        teleop = twoport.lerobot.Teleoperator(scene("control.motion_scale=0.5"), leader, follower, **options)
+        robot = twoport.lerobot.Robot(teleop)
+        teleop.connect(), robot.connect()
+        stored = []
+        while world.t_s < 3.0:
+            robot.get_observation()
+            stored.append(teleop.get_action())
+            self.assertEqual(robot.send_action(dict(stored[-1])), stored[-1])
+            self.assertAlmostEqual(np.degrees(follower.goal[0]), stored[-1]["shoulder_pan.pos"], delta=1e-9)
+            world.advance(1.0 / 60.0)
+        self.assertGreater(np.degrees(leader.q[0]), 20.0)
+        for joint, q in zip(pair.JOINTS, np.degrees(leader.q)):
+            self.assertAlmostEqual(stored[0][f"{joint}.pos"], 0.0, delta=1e-9)
+            self.assertAlmostEqual(stored[-1][f"{joint}.pos"], 0.5 * q, delta=0.1)
 
     def test_leader_and_follower_of_two_processes_meet_over_udp(self):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -209,39 +250,41 @@ class Pair(unittest.TestCase):
             follower = pair.Follower()
             world = pair.World(pair.Leader(), follower)
             teleop = twoport.lerobot.Teleoperator(here, address, follower)
-            teleop.connect(), follower.connect()
+            robot = twoport.lerobot.Robot(teleop)
+            teleop.connect(), robot.connect()
             while not done.is_set():
-                observation = follower.get_observation()
-                teleop.send_feedback(observation)
+                observation = robot.get_observation()
                 action = teleop.get_action()
                 self.assertEqual(set(action), set(teleop.action_features))
-                follower.send_action(action)
+                robot.send_action(action)
                 world.advance(1.0 / 60.0)
-                seen.update(pressed=world.pressed_n_m()[0], mode=teleop.mode)
-            teleop.disconnect()
+                seen.update(pressed=world.pressed_n_m()[0], mode=teleop.mode, said=observation["shoulder_pan.torque"], **action)
+            robot.disconnect(), teleop.disconnect()
 
         thread = threading.Thread(target=at_the_follower)
         thread.start()
         try:
-            leader = pair.Leader()
+            leader = TurnedLeader()
             world = pair.World(leader, pair.Follower())
-            robot = twoport.lerobot.Robot(here, leader, address, servo_stiffness_n_m_per_rad=STIFFNESS)
-            leader.connect()
-            robot.connect()
-            self.assertEqual(robot.mode, "coupled")
+            teleop = twoport.lerobot.Teleoperator(here, leader, address, servo_stiffness_n_m_per_rad=STIFFNESS)
+            robot = twoport.lerobot.Robot(teleop)
+            teleop.connect(), robot.connect()
+            self.assertEqual(teleop.mode, "coupled")
             while world.t_s < 4.0:
                 observation = robot.get_observation()
                 self.assertEqual(set(observation), set(robot.observation_features))
-                robot.send_action(leader.get_action())
+                robot.send_action(teleop.get_action())
                 world.advance(1.0 / 60.0)
             felt = -leader.servos()[0]
             self.assertEqual(seen["mode"], "coupled")
             self.assertGreater(seen["pressed"], 0.8)
             self.assertAlmostEqual(felt, seen["pressed"], delta=0.1 * seen["pressed"])
+            self.assertAlmostEqual(seen["said"], seen["pressed"], delta=0.1 * seen["pressed"])
+            self.assertAlmostEqual(seen["shoulder_pan.pos"], np.degrees(leader.q[0]), delta=8.0)
             self.assertAlmostEqual(observation["shoulder_pan.torque"], seen["pressed"], delta=0.1 * seen["pressed"])
             self.assertGreater(observation["shoulder_pan.pos"], np.degrees(0.3))
             self.assertGreater(world.least_j, -12.6e-3)
-            robot.disconnect()
+            teleop.disconnect(), robot.disconnect()
         finally:
             done.set()
             thread.join()
@@ -259,14 +302,19 @@ class Datasets(unittest.TestCase):
         cls.addClassCleanup(folder.cleanup)
         cls.files = [pathlib.Path(folder.name, f"{i}.mcap") for i in range(2)]
         for i, file in enumerate(cls.files):
-            done = subprocess.run([LAB, "run", SCENES / "leader_follower.textproto", "--set", f"seed={i + 1}", "--set", f"duration_s={3 + i}",
-                                   "--trace", "none", "--record", file], capture_output=True, text=True)  # fmt: skip
-            assert done.returncode in (0, 3), done.stderr
+            cls.record(file, "leader_follower", f"seed={i + 1}", f"duration_s={3 + i}")
         cls.names = [f"panda_{i}" for i in range(7)]
+
+    @staticmethod
+    def record(file, name, *overrides):
+        sets = [word for override in overrides for word in ("--set", override)]
+        done = subprocess.run([LAB, "run", SCENES / f"{name}.textproto", *sets, "--trace", "none", "--record", file], capture_output=True, text=True)
+        assert done.returncode in (0, 3), done.stderr
 
     def expected(self, file, index, first):
         rows = twoport.load_recording(file).trace[::20]
         columns = {"observation.state": rows["slave_x"], "observation.force": -rows["env_f"], "action.force": rows["master_f"]}
+        columns["action"] = rows["slave_x"] - rows["position_error"]
         indices = {"frame_index": np.arange(len(rows)), "index": first + np.arange(len(rows)), "episode_index": np.full(len(rows), index)}
         return {name: values.astype(np.float32) for name, values in columns.items()} | indices
 
@@ -290,6 +338,26 @@ class Datasets(unittest.TestCase):
                 self.assertIn(values.tobytes(), data, name)
             first += len(expected["index"])
         self.assertEqual(info["total_frames"], first)
+
+    def test_the_action_is_where_the_robot_is_wanted(self):
+        """The hand's motion as it arrives 50 ms later, in the robot's place and scale."""
+        file = self.folder / "run.mcap"
+        for name, scale, overrides in (
+            ("leader_follower", 0.5, ("control.motion_scale=0.5", "robot.arm.joint_position_rad[0]=0.3")),
+            ("leader_follower", 2.0, ("control.motion_scale=2",)),
+            ("six_dof_plate", 2.0, ("control.motion_scale=2", "operator.path[0].move_to.position_m=[0.03,0,0,0.9,0.3,-0.3,0.1]")),
+        ):
+            self.record(file, name, "duration_s=2", "rate_hz=1000", "to_slave.delay_ms=50", "to_slave.loss=0", *overrides)
+            recording = twoport.load_recording(file)
+            rows, frames = recording.trace, twoport.lerobot._frames(recording, 50, 0, 0)
+            hand, action = rows["master_x"], frames["action"]
+            wanted = rows["slave_x"][0] + scale * (hand - hand[0])
+            if name == "six_dof_plate":
+                wanted[:, 3:] = hand[:, 3:]  # both tools begin alike
+                self.assertGreater(np.abs(action[:, 3:]).max(), 0.05)
+            self.assertGreater(np.abs(wanted - hand).max(), 0.02)
+            np.testing.assert_allclose(action[5:], wanted[20 * np.arange(5, len(action)) - 50], atol=1e-6)
+            np.testing.assert_array_equal(action[:2], frames["observation.state"][:2])
 
     def test_another_reader_of_parquet_reads_it(self):
         """hyparquet, which npm fetches into the folder that TWOPORT_NPM names."""
@@ -339,7 +407,7 @@ class Datasets(unittest.TestCase):
         self.assertEqual((again.returncode, again.stderr), (2, f"python -m twoport.lerobot: {self.folder}/set is not empty; a dataset needs a folder of its own\n"))
         self.assertEqual(call().returncode, 2)
         one_axis = self.folder / "one.mcap"
-        subprocess.run([LAB, "run", SCENES / "one_axis_wall.textproto", "--set", "duration_s=1", "--trace", "none", "--record", one_axis], capture_output=True)
+        self.record(one_axis, "one_axis_wall", "duration_s=1")
         with self.assertRaisesRegex(ValueError, "one.mcap has other axes than .*0.mcap"):
             twoport.lerobot.write_dataset(self.folder / "other", [self.files[0], one_axis])
         with self.assertRaisesRegex(ValueError, "fps is 0; it must be 1 to 1000"):
