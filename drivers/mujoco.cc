@@ -510,7 +510,7 @@ class MujocoRobot final : public VirtualRobot<N> {
     sample.x = position();
     sample.v = Velocity<N>{of_axes(world_.velocity())};
     if (body_) {
-      truth_.x = sample.x;
+      tool_ = sample.x;
       sample.x = body_->x();
       sample.v = body_->v();
       felt_ = -on_robot;
@@ -522,7 +522,7 @@ class MujocoRobot final : public VirtualRobot<N> {
   void actuate(const RobotCommand<N>& command) noexcept override {
     unheard_ = Seconds{0.0};
     if (body_) {
-      body_->step(command.f, felt_, dt_);
+      body_->step(command.f, felt_ - command.not_of_environment, dt_);
       return world_.want < N == 6 ? 6 : 3 > (pose_of(body_->x()));
     }
     Vector6 wrench = Vector6::Zero();
@@ -542,6 +542,7 @@ class MujocoRobot final : public VirtualRobot<N> {
     return why != nullptr ? why : "";
   }
   [[nodiscard]] const RobotTruth<N>* truth() const noexcept override { return &truth_; }
+  [[nodiscard]] const Position<N>* tool() const noexcept override { return body_ ? &tool_ : nullptr; }
 
   [[nodiscard]] std::unique_ptr<VirtualRobot<N>> copy() const override { return std::make_unique<MujocoRobot>(*this); }
   void kick(const Velocity<N>& dv) noexcept override {
@@ -592,6 +593,7 @@ class MujocoRobot final : public VirtualRobot<N> {
   Seconds dt_{};
   Vector3d axis_ = Vector3d::UnitX();
   RobotTruth<N> truth_;
+  Position<N> tool_;   ///< where a body stands in its place
   Seconds unheard_{};  ///< since the last command
   bool started_ = false;
 };

@@ -119,6 +119,7 @@ class SimulatedRobot : public Robot<N>, public AdjustableEnvironment {
   [[nodiscard]] Robot<1>* gripper() noexcept override { return gripper_.get(); }
   [[nodiscard]] AdjustableEnvironment* environment() noexcept override { return this; }
   [[nodiscard]] const RobotTruth<N>* truth() const noexcept override { return &truth_; }
+  [[nodiscard]] const Position<N>* tool() const noexcept override { return model_.tool(); }
 
   bool adjust(const EnvironmentMessage& request) noexcept override {
     if (!model_.takes_other_surfaces() || request.count > surfaces_) return false;

@@ -77,6 +77,7 @@ class SimRobot<kJointPort> final {
   bool kick(const Velocity<N>& dv) noexcept;
 
   [[nodiscard]] static bool takes_other_surfaces() noexcept { return false; }
+  [[nodiscard]] static const Position<N>* tool() noexcept { return nullptr; }
   [[nodiscard]] static bool takes_other_friction() noexcept { return false; }
   static Energy set_surface(std::size_t, double, double) noexcept { return {}; }
 

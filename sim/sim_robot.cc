@@ -46,7 +46,7 @@ void SimRobot<N>::advance() noexcept {
 template <int N>
 void SimRobot<N>::move() noexcept {
   if (servo_) [[unlikely]] {
-    servo_->body.step(command_.f, sensed_, Seconds{dt_s_});
+    servo_->body.step(command_.f, sensed_ - command_.not_of_environment, Seconds{dt_s_});
     servo_->robot.advance(servo_->body.x(), dt_s_);
     state_ = {servo_->robot.x(), servo_->robot.v()};
   } else if (auto* exact = std::get_if<Exact>(&plant_)) {

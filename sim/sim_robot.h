@@ -68,6 +68,8 @@ class SimRobot final {
   [[nodiscard]] const BodyState<N>& state() const { return state_; }
   /// Of the port at which the command acts: the robot, or the body in its place.
   [[nodiscard]] const Position<N>& port() const { return servo_ ? servo_->body.x() : state_.x; }
+  /// Of the robot, where the port is another body's.
+  [[nodiscard]] const Position<N>* tool() const { return servo_ ? &state_.x : nullptr; }
   /// Coupling force on the robot, held now.
   [[nodiscard]] const Force<N>& held() const { return command_.f; }
   /// True force of the environment on the robot.

@@ -52,6 +52,8 @@ class SlaveRows {
   Row<N> row(double t_s, const Sample& sample, const Output& out, const PeerState<N>& peer) noexcept {
     const PortReport<N>& master = peer.newest;
     const RobotTruth<N>* truth = hardware.truth();
+    const Position<N>* const tool = hardware.tool();
+    const Displacement<N> error = tool ? node.position_error() + (*tool - sample.x) : node.position_error();
     const bool follows = out.mode == Mode::coupled;
     if (has_moved_) into_robot_ += dot(f_, sample.x - x_);
     const Energy into_coupling = delivered_ - into_robot_;
@@ -64,16 +66,16 @@ class SlaveRows {
             .master_v = master.v,
             .master_f = master.f,
             .master_f_wanted = master.f,
-            .slave_x = sample.x,
+            .slave_x = tool ? *tool : sample.x,
             .slave_v = sample.v,
             .slave_f = out.command.f,
             .env_f = truth ? truth->f_environment : -sample.f_environment,
-            .position_error = node.position_error(),
+            .position_error = follows ? error : node.position_error(),
             .slave_energy_j = node.delivered().si(),
             .dissipated_j = out.dissipated.si(),
             .mode = out.mode,
             .coupling_energy_j = into_coupling.si(),
-            .ahead = -node.position_error(),
+            .ahead = follows ? -error : Displacement<N>{},
             .touching = truth ? truth->touches : senses_contact(sample.f_environment),
             .coupled = follows && master.mode == Mode::coupled,
             .following = follows};

@@ -287,8 +287,10 @@ class MountedRobot final : public Robot<N> {
       if (admittance_ && let_go) admittance_->resume(s.x);
       any_ = true;
     }
+    const Force<N> reading = s.f_environment;
     if (corrects_) correct(s);
     s.f_environment = zero_.step(s.f_environment, s.x, commanded_, tick.ended, s.status == HardwareStatus::ok);
+    taken_ = reading - s.f_environment;
     if (admittance_) [[unlikely]] {
       dt_ = tick.dt;
       felt_ = s.f_environment;
@@ -303,7 +305,11 @@ class MountedRobot final : public Robot<N> {
       return release();
     if (lets_go_) return;
     commanded_ = command.f;
-    if (!admittance_) return robot_->actuate(command);
+    if (!admittance_) {
+      RobotCommand<N> mounted = command;
+      mounted.not_of_environment = taken_;
+      return robot_->actuate(mounted);
+    }
     admittance_->step(command.f, felt_, dt_);
     robot_->actuate({.f = command.f, .x_d = admittance_->x(), .v_d = admittance_->v()});
   }
@@ -322,6 +328,7 @@ class MountedRobot final : public Robot<N> {
   /// Was the last reading not finite, so that the robot was released?
   [[nodiscard]] bool lets_go() const noexcept { return lets_go_; }
   [[nodiscard]] const RobotTruth<N>* truth() const noexcept override { return robot_->truth(); }
+  [[nodiscard]] const Position<N>* tool() const noexcept override { return admittance_ ? &last_.x : robot_->tool(); }
 
  private:
   void correct(RobotSample<N>& s) const noexcept {
@@ -344,6 +351,7 @@ class MountedRobot final : public Robot<N> {
   Force<N> commanded_;                       ///< by the last command; none while the robot is released
   std::optional<Admittance<N>> admittance_;  ///< of a robot that obeys positions only
   Force<N> felt_;                            ///< by its sensor, at the last reading
+  Force<N> taken_;                           ///< from that reading
   Seconds dt_{};
 };
 

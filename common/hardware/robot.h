@@ -36,9 +36,8 @@ struct RobotSample {
 /// Values that only a simulated robot knows, at the time of the last reading.
 template <int N>
 struct RobotTruth {
-  Force<N> f_environment;          ///< force of the environment on the robot [N], [N m]
-  bool touches = false;            ///< the environment
-  std::optional<Position<N>> x{};  ///< of the tool, where RobotSample::x is that of a body in its place
+  Force<N> f_environment;  ///< force of the environment on the robot [N], [N m]
+  bool touches = false;    ///< the environment
 };
 
 /// Command of the slave to its robot for the coming period.
@@ -47,6 +46,8 @@ struct RobotCommand {
   Force<N> f;       ///< coupling force on the robot [N], [N m]
   Position<N> x_d;  ///< set point of the coupling, which an ideal robot follows
   Velocity<N> v_d;
+  /// What RobotMount has taken from the reading: of a robot that counts the force by itself [N], [N m].
+  Force<N> not_of_environment{};
 };
 
 /// A robot with a force sensor: the hardware interface of the slave. A driver derives from it (docs/guides/add-a-robot.md).
@@ -69,6 +70,8 @@ class Robot {
   /// Null: a real robot's environment is what it is.
   [[nodiscard]] virtual AdjustableEnvironment* environment() noexcept { return nullptr; }
   [[nodiscard]] virtual const RobotTruth<N>* truth() const noexcept { return nullptr; }
+  /// The tool at the time of the last reading, where RobotSample::x is that of a body in its place. Null: that is the tool.
+  [[nodiscard]] virtual const Position<N>* tool() const noexcept { return nullptr; }
 };
 
 }  // namespace twoport

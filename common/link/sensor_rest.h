@@ -18,7 +18,9 @@ constexpr std::string_view sentence(ZeroAnswer answer) {
       "the force sensor is not zeroed: the robot has none",
       "the force sensor is not zeroed: with space JOINTS the torques of the joints are measured",
       "the force sensor is not zeroed: the robot moved by more than 25 mm or 0.1 rad within 0.5 s; hold it still",
-      "the force sensor is not zeroed: the coupling presses with more than 0.3 N or 0.03 N m; let go of the handle",
+      "the force sensor is not zeroed: the coupling presses with more than 0.3 N or 0.03 N m; let go of the handle; a "
+      "robot that obeys "
+      "positions only is zeroed before a master pairs",
       "the force sensor is not zeroed: its reading changed by more than 0.3 N or 0.03 N m within 0.5 s; touch nothing",
       "the force sensor is not zeroed: it reads more than 10 N or 1 N m, which is no drift; touch nothing, or set "
       "robot_mount"};

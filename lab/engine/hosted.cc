@@ -48,6 +48,7 @@ class HostedPlant {
   }
   [[nodiscard]] const sim::BodyState<N>& state() const { return state_; }
   [[nodiscard]] const Position<N>& port() const { return sample_.x; }
+  [[nodiscard]] const Position<N>* tool() const { return robot_->tool(); }
   [[nodiscard]] const Force<N>& held() const { return f_; }
   [[nodiscard]] const Force<N>& environment_force() const { return from_environment_; }
   /// Of the scene: nothing.
@@ -56,8 +57,7 @@ class HostedPlant {
  private:
   void read() noexcept {
     sample_ = robot_->sense({Instant<SlaveClock>{tick_time(tick_, 1.0 / dt_.si())}, dt_});
-    const RobotTruth<N>* truth = robot_->truth();
-    state_ = {truth != nullptr && truth->x ? *truth->x : sample_.x, sample_.v};
+    state_ = {robot_->tool() != nullptr ? *robot_->tool() : sample_.x, sample_.v};
     from_environment_ = robot_->truth() ? robot_->truth()->f_environment : -sample_.f_environment;
     // A world that is lost has diverged.
     if (sample_.status == HardwareStatus::fault)

@@ -116,6 +116,8 @@ class LinkLoop final : public Simulation<N> {
     Row<N> r = columns<N>(at.now, out, dissipated, environment_force_, device_, robot_, nodes_.master, nodes_.slave);
     r.reference = nodes_.registration.to_master(-nodes_.delayed_force());
     r.coupling_energy_j = coupling_energy_.si();
+    if (following && robot_.tool()) [[unlikely]]
+      r.position_error += *robot_.tool() - robot_.port();
     if constexpr (requires { r.object.x = robot_.object(); }) r.object.x = robot_.object();
     r.touching = held_by_environment_ || environment_force_.squared_norm() > 0.0;
     r.coupled = out.mode == Mode::coupled && following;

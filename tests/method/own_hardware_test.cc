@@ -2,10 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <string>
+#include <vector>
 
 #include "common/base/check.h"
 #include "common/scene/load.h"
+#include "lab/engine/simulation.h"
 #include "lab/run.h"
 
 namespace twoport {
@@ -70,6 +74,27 @@ TEST(PositionServo, HoldsWallsQuietly) {
       EXPECT_LE(s.held_force_ratio(), 1.2) << servo << ", " << wall;
     }
   EXPECT_THROW(parse_scene("dof: 3 duration_s: 1 robot { servo { rate_hz: 0 } }", "test"), ConfigError);
+}
+
+/// What follows late is the tool, not the body that the coupling moves.
+TEST(PositionServo, IsBehindByItsLag) {
+  const Scene scene = parse_scene(
+      "dof: 1 rate_hz: 1000 duration_s: 2 operator { path { move_to { position_m: [0.1] duration_s: 1 } } path { hold "
+      "{ "
+      "duration_s: 1 } } } device { } to_slave { delay_ms: 5 } to_master { delay_ms: 5 } robot { servo { rate_hz: 500 "
+      "delay_ms: 4 lag_ms: 30 } force_sensor { } }",
+      "servo");
+  std::vector<double> master;
+  double most = 0.0;
+  lab::make_simulation<1>(scene)->run([&](const Row<1>& row) {
+    master.push_back(row.master_x.translation()[0]);
+    if (!row.following || master.size() < 20) return true;
+    const double behind = row.slave_x.translation()[0] - master[master.size() - 6];
+    EXPECT_NEAR(row.position_error[0], behind, 1e-3) << row.t_s;
+    most = std::max(most, std::abs(behind));
+    return true;
+  });
+  EXPECT_GT(most, 5e-3);
 }
 
 }  // namespace

@@ -357,8 +357,10 @@ class Holding final : public Robot<N> {
   explicit Holding(RobotSample<N> sample) : sample_{sample} {}
   [[nodiscard]] RobotInfo info() const override { return {.name = "holding"}; }
   RobotSample<N> sense(const Tick<SlaveClock>&) noexcept override { return sample_; }
-  void actuate(const RobotCommand<N>&) noexcept override {}
+  void actuate(const RobotCommand<N>& c) noexcept override { command = c; }
   void release() noexcept override {}
+
+  RobotCommand<N> command;
 
  private:
   RobotSample<N> sample_;
@@ -411,6 +413,8 @@ TEST(MountedRobot, HoldsAContactOfARobotThatObeysPositionsOnly) {
         least = std::min(least, s.f_environment[0]);
         most = std::max(most, s.f_environment[0]);
       }
+      ASSERT_TRUE(robot.tool());
+      EXPECT_NEAR(robot.tool()->translation().x(), 0.02 + most / wall, 1e-4);
       EXPECT_NEAR(most, 20.0 / (1.0 + 1000.0 / wall), 0.5) << wall << " N/m, lag " << each.lag.si();
       EXPECT_LT(most - least, 0.05) << wall << " N/m, lag " << each.lag.si();
     }
@@ -505,10 +509,14 @@ TEST(MountedRobot, TakesWeightAndBiasFromTheForceSensor) {
     reading.tail<3>() =
         torque + (q * m.tool_center_m).cross(-m.tool_mass_kg * g) + q * Eigen::Vector3d{m.bias.tail<3>()};
     s.f_environment = Force<6>{reading};
-    MountedRobot<6> robot{std::make_unique<Holding<6>>(s), m};
+    const auto holding = std::make_shared<Holding<6>>(s);
+    MountedRobot<6> robot{holding, m};
     const Force<6> f = robot.sense({Instant<SlaveClock>{Duration{0}}, Seconds{kPeriod}}).f_environment;
     EXPECT_LT((f.vec().head<3>() - pressed).norm(), 1e-12);
     EXPECT_LT((f.vec().tail<3>() - torque).norm(), 1e-12);
+    robot.actuate({});
+    EXPECT_LT((holding->command.not_of_environment.vec() - (reading - f.vec())).norm(), 1e-12)
+        << "for a robot that counts the force by itself";
   }
 }
 
