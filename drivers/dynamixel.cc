@@ -26,6 +26,11 @@ std::unique_ptr<ServoArm> opened(const std::string& flag, const DriverOptions& o
   const int silence_ms = parts[4].matched ? std::stoi(parts[4]) : dynamixel::kGoneMs;
   if (Port::rate(baud) == B0)
     throw ConfigError{fmt::format("{}: baud must be 57600, 115200, 1000000, 2000000, 3000000 or 4000000", words)};
+  if (silence_ms < 1 || silence_ms > dynamixel::kMostGoneMs)
+    throw ConfigError{fmt::format(
+        "{}: silence_ms is {}; it must be from 1 to {}: a servo that restarts is silent for longer, and comes back "
+        "without torque",
+        words, silence_ms, dynamixel::kMostGoneMs)};
   for (std::size_t i = 0; i < arm->parameters->joints.size(); ++i)
     if (arm->parameters->joints[i].type == JointType::prismatic)
       throw ConfigError{fmt::format("{}: joint {} of the scene's arm slides; a servo turns", words, i + 1)};

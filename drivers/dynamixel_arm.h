@@ -4,9 +4,11 @@
 #include <sys/eventfd.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <numbers>
 #include <optional>
@@ -33,9 +35,10 @@ inline constexpr Duration kSilence = 100ms;     // without a command of the cont
 inline constexpr Duration kLongestPause = 2ms;  // between two readings
 inline constexpr Duration kAnswer = 2ms;        // beside the time on the wire
 inline constexpr int kGoneMs = 6;  // a servo that has not answered for so long is not there, unless ARGS say otherwise
+inline constexpr int kMostGoneMs = 200;  // a servo that restarts is silent for longer
 inline constexpr Duration kStop = 80ms;  // after which the servos' own watchdog may have released them
 inline constexpr std::uint32_t kWatchdogSteps = 5;
-inline constexpr Duration kHeatPause = 100ms;    // between two readings of the temperatures
+inline constexpr Duration kCheckPause = 100ms;   // between two readings of what changes seldom
 inline constexpr std::uint32_t kHeatMargin = 5;  // below the limit of the servo [deg C]
 inline constexpr Duration kPatience = 50ms;      // for an answer before there is a loop
 inline constexpr double kLift_s = 1.0;           // in which the motors take the weight
@@ -62,7 +65,8 @@ struct Servo {
   std::uint32_t most_counts = 0, hottest = 0;              ///< of the current; [deg C]
   double friction_n_m = 0.0, damping_n_m_s_per_rad = 0.0;  ///< of the joint
   JointVelocity velocity{kRadPerCount};
-  std::uint32_t counts = 0, next = 0, heat = 0;
+  std::uint32_t counts = 0, next = 0, heat = 0, torque = 1, watchdog = kWatchdogSteps;
+  bool watched = true;                      ///< it held its watchdog when that was read before
   double angle_rad = 0.0, turns_rad = 0.0;  ///< since it was switched on; whole turns of the joint
   bool answered = false;
 
@@ -80,7 +84,8 @@ struct Servo {
 };
 
 /// The servos of an arm in current control, and the thread that talks to them: currents go and positions come after every command, and
-/// kLongestPause after the last time. A servo that does not answer, is hot or reports an error of its hardware releases all, for good.
+/// kLongestPause after the last time. Every kCheckPause temperatures, torques or watchdogs are read, in turns. A servo that does not
+/// answer, has no torque, is hot or reports an error of its hardware releases all, for good.
 ///
 ///     τ_motor = τ + g(q) + 0.7 τ_c σ      σ = clamp(q̇ / 0.1 rad/s, -1, 1)      within the servo's limit, in its steps
 ///
@@ -102,9 +107,11 @@ class ServoArm {
     find(servos, arm, baud);
     name += " at " + port;
     place(arm);
-    tell_all(kGoalCurrent, 0);
-    tell_all(kTorqueEnable, 1);
-    tell_all(kBusWatchdog, kWatchdogSteps);
+    for (const Servo& s : servos_) {
+      set(s.id, kGoalCurrent, 0);
+      set(s.id, kTorqueEnable, 1);
+    }
+    for (const Servo& s : servos_) set(s.id, kBusWatchdog, kWatchdogSteps);
     thread_ = std::thread{[this] { run(); }};
   }
   ~ServoArm() {
@@ -141,7 +148,10 @@ class ServoArm {
   using Joints = ArmModel::Joints;
 
   // ---- before there is a thread
-  [[noreturn]] void refuse(const std::string& why) const { throw ConfigError{words_ + ": " + why}; }
+  [[noreturn]] void refuse(const std::string& why) {
+    let_go();
+    throw ConfigError{words_ + ": " + why};
+  }
   std::optional<Message> ask(const Message& request) {
     for (int tries = 3; tries > 0; --tries) {
       port_.ask(request);
@@ -173,7 +183,6 @@ class ServoArm {
           {.id = static_cast<std::uint8_t>(m.id), .sign = m.reversed ? -1.0 : 1.0, .zero_rad = m.zero_rad});
     tell_all(kStatusReturn, 2);
     tell_all(kTorqueEnable, 0);
-    tell_all(kBusWatchdog, 0);
     std::set<std::string> models;
     for (std::size_t i = 0; i < servos_.size(); ++i) {
       Servo& s = servos_[i];
@@ -188,6 +197,7 @@ class ServoArm {
         refuse(fmt::format("servo {} reports {}; switch its power off and on", s.id,
                            hardware_error_words(get(s.id, kHardwareError))));
       models.insert(model->name);
+      set(s.id, kBusWatchdog, 0);
       set(s.id, kOperatingMode, kCurrentMode);
       set(s.id, kReturnDelay, 0);
       s.hottest = get(s.id, kTemperatureLimit);
@@ -238,6 +248,10 @@ class ServoArm {
   static Message to_all(Instruction instruction, Item item) noexcept {
     return Message{.id = kEveryServo, .instruction = instruction}.add(item.address, 2).add(item.bytes, 2);
   }
+  void watch() noexcept {
+    tell_all(kBusWatchdog, 0);
+    tell_all(kBusWatchdog, kWatchdogSteps);
+  }
   void let_go() noexcept {
     tell_all(kGoalCurrent, 0);
     tell_all(kTorqueEnable, 0);
@@ -253,10 +267,7 @@ class ServoArm {
     return stands ? command_ : Axes{Axes::Zero()};
   }
   void push(const Axes& torque, Now::time_point now) noexcept {
-    if (now - pushed_at_ > kStop) {
-      tell_all(kBusWatchdog, 0);
-      tell_all(kBusWatchdog, kWatchdogSteps);
-    }
+    if (now - pushed_at_ > kStop) watch();
     const double span = to_seconds(now - pushed_at_).si();
     impulse_ += span * held_;
     impulse_s_ += span;
@@ -294,10 +305,16 @@ class ServoArm {
           std::find_if(servos_.begin(), servos_.end(), [&](const Servo& each) { return each.id == status->id; });
       if (s == servos_.end() || status->size != 1u + item.bytes) continue;
       s->answered = true;
-      s->next = status->at(1 + kPositionInMotion, 4);
+      if (item.address == kTorqueEnable.address)
+        s->torque = status->at(1, 1);
+      else if (item.address == kBusWatchdog.address)
+        s->watchdog = status->at(1, 1);
+      else
+        s->next = status->at(1 + kPositionInMotion, 4);
       if (item.bytes > kTemperatureInMotion) s->heat = status->at(1 + kTemperatureInMotion, 1);
       if ((status->parameters[0] & kAlert) != 0) alert_ = &*s;
     }
+    if (item.address != kMotion.address) return nullptr;
     take(to_seconds(asked - asked_at_).si());
     asked_at_ = asked;
     return nullptr;
@@ -329,8 +346,8 @@ class ServoArm {
   void exchange() {
     const auto now = Now::now();
     push(wanted(now), now);
-    const bool heat = now - heat_at_ > kHeatPause;
-    const Item item = heat ? kMotionAndHeat : kMotion;
+    const bool check = now - checked_at_ > kCheckPause;
+    const Item item = check ? kChecked[checks_ % kChecked.size()] : kMotion;
     const auto n = static_cast<int>(servos_.size());
     const auto bytes = 2 * (16 + 4 * n) + n * (12 + item.bytes);
     // What this thread itself is late by does not count.
@@ -341,7 +358,10 @@ class ServoArm {
       return;
     }
     silence_ = {};
-    if (heat) heat_at_ = now;
+    if (check) {
+      checked_at_ = now;
+      ++checks_;
+    }
     if (const Servo* const s = std::exchange(alert_, nullptr)) {
       let_go();
       port_.ask(Message{.id = s->id, .instruction = Instruction::read}
@@ -350,9 +370,16 @@ class ServoArm {
       const auto status = port_.answer(Now::now() + kPatience);
       return fail(*s, "reports " + hardware_error_words(status ? status->at(1, 1) : 0));
     }
-    for (const Servo& s : servos_)
+    for (Servo& s : servos_) {
       if (s.heat + kHeatMargin > s.hottest)
         return fail(s, fmt::format("is at {} deg C, and it stops by itself at {}", s.heat, s.hottest));
+      if (s.torque == 0) return fail(s, "has switched its torque off: it has restarted, or its supply is too weak");
+      if (item.address != kBusWatchdog.address) continue;
+      // The servos' own one may just have released them, or a packet was lost.
+      const bool before = std::exchange(s.watched, s.watchdog == kWatchdogSteps);
+      if (!s.watched && !before) return fail(s, "does not keep its watchdog");
+      if (!s.watched) watch();
+    }
   }
   void run() {
     // Refused to a user who may not: then at ordinary priority.
@@ -370,6 +397,7 @@ class ServoArm {
     let_go();
   }
   static constexpr timespec kAtOnce{0, 0};
+  static constexpr std::array kChecked{kMotionAndHeat, kTorqueEnable, kBusWatchdog};
 
   std::string words_;
   Port port_;
@@ -382,7 +410,8 @@ class ServoArm {
   Axes impulse_ = Axes::Zero(),
        expected_ = Axes::Zero();  ///< of held since the last reading; momentum as far as it is known
   double impulse_s_ = 0.0;
-  Now::time_point began_, pushed_at_, asked_at_, heat_at_, commanded_at_;
+  Now::time_point began_, pushed_at_, asked_at_, checked_at_, commanded_at_;
+  std::size_t checks_ = 0;
   Duration silence_{};  ///< that has been waited for an answer since the last reading
   const Servo* alert_ = nullptr;
   Newest<Reading> readings_;

@@ -13,9 +13,11 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstdio>
 #include <cstring>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -29,8 +31,8 @@
 
 namespace twoport::ros2 {
 
-inline constexpr int kWatchdogMs = 100;  // without a command
-inline constexpr std::chrono::seconds kDiscovery{5};
+inline constexpr int kWatchdogMs = 100;                          // without a command
+inline constexpr std::chrono::seconds kDiscovery{5}, kHeard{3};  ///< for topics to come; for commands to be subscribed
 
 /// How a node talks.
 struct Talk {
@@ -202,6 +204,14 @@ inline dds_entity_t open_topic(dds_entity_t in, const std::string& topic, const 
   return made(reader);
 }
 
+/// The topic of a writer to which nobody subscribes; else empty.
+inline std::string unheard(dds_entity_t writer) {
+  if (dds_get_matched_subscriptions(writer, nullptr, 0) != 0) return {};
+  std::array<char, 1200> name{};
+  dds_get_name(dds_get_topic(writer), name.data(), name.size());
+  return name.data() + std::string_view{"rt"}.size();
+}
+
 inline std_msgs_msg_dds__Header_ header_now(char* frame) noexcept {
   const auto [s, ns] = std::lldiv(dds_time(), DDS_NSECS_IN_SEC);
   return {{static_cast<std::int32_t>(s), static_cast<std::uint32_t>(ns)}, frame};
@@ -219,6 +229,7 @@ class ToolTopics {
         twist{talk.prefix + (talk.crtk ? "/measured_cv" : "/twist"), kTwist, true, talk.crtk},
         wrench{talk.prefix + (talk.crtk ? "/measured_cf" : "/wrench"), kWrench, false, talk.crtk},
         inboxes{&pose, &twist},
+        follows_positions_{talk.follows_positions},
         frame_{talk.frame.empty() ? "world" : talk.frame} {
     if (robot) inboxes.push_back(&wrench);
   }
@@ -238,6 +249,8 @@ class ToolTopics {
     target_pose_ = open_topic(in, talk.prefix + "/target_pose", kPose);
     target_twist_ = open_topic(in, talk.prefix + "/target_twist", kTwist);
   }
+  /// The topic that moves the hardware where nobody subscribes to it; else empty.
+  [[nodiscard]] std::string unheard() const { return ros2::unheard(follows_positions_ ? target_pose_ : command_); }
   void publish(const Command& command, bool lets_go) noexcept {
     if (command_) write(command_, lets_go ? Numbers{} : command.wrench);
     if (target_twist_) write(target_twist_, lets_go ? Numbers{} : command.twist);
@@ -250,6 +263,7 @@ class ToolTopics {
     const Message message{header_now(frame_.data()), numbers};
     dds_write(writer, &message);
   }
+  bool follows_positions_;
   std::string frame_;
   dds_entity_t command_ = 0, target_pose_ = 0, target_twist_ = 0;  ///< 0: there is none
 };
@@ -274,6 +288,9 @@ class JointTopics {
   void open_writers(dds_entity_t in, const Talk& talk) {
     command_ = open_topic(in, talk.prefix + (talk.crtk ? "/servo_jf" : "/joint_command"), kJointState);
     if (!talk.crtk) effort_ = open_topic(in, talk.prefix + "/joint_effort", kArray);
+  }
+  [[nodiscard]] std::string unheard() const {
+    return effort_ && ros2::unheard(effort_).empty() ? "" : ros2::unheard(command_);
   }
   /// A set point goes to a robot that is not let go.
   void publish(Command command, bool lets_go) noexcept {
@@ -366,7 +383,15 @@ class Node : public Topics {
   void run() noexcept {
     take_ordinary_priority();
     Command command;
-    while (going_) {
+    using std::chrono::steady_clock;
+    bool looked = false;
+    for (const auto begun = steady_clock::now(); going_;) {
+      if (!looked && steady_clock::now() - begun > kHeard) {
+        looked = true;
+        if (const std::string topic = Topics::unheard(); !topic.empty())
+          std::fprintf(stderr, "warning: nobody subscribes to %s: no command gets to the hardware; map its topic\n",
+                       topic.c_str());
+      }
       pollfd woken{wake_, POLLIN, 0};
       const bool late = poll(&woken, 1, kWatchdogMs) == 0;
       eventfd_t times;

@@ -120,6 +120,20 @@ inline std::string first_refused(std::string_view names, std::string_view types,
   return {};
 }
 
+/// A text that is no mere information; else empty.
+inline std::string warning(std::string_view payload) {
+  constexpr std::uint8_t kInformation = 3;
+  const auto next = [&payload] {
+    const std::size_t size = payload.empty() ? 0 : take<std::uint8_t>(payload);
+    const std::string_view one = payload.substr(0, size);
+    payload.remove_prefix(one.size());
+    return one;
+  };
+  const std::string_view text = next();
+  next();  // its source
+  return payload.empty() || take<std::uint8_t>(payload) >= kInformation ? "" : std::string{text};
+}
+
 /// Nothing where the package is of another recipe or length, or has a number that is not finite.
 inline std::optional<State> read_state(std::string_view payload, std::uint8_t recipe) {
   constexpr std::size_t kSize = 1 + 8 + 5 * 6 * 8 + 4 * 4;

@@ -51,8 +51,10 @@ constexpr Duration kReopening = 500ms;  // and of a later one
 constexpr Duration kStarting = 5s;      // of the program
 constexpr Duration kRetry = 200ms;      // between two connections
 constexpr double kRate_hz = 500.0;
-constexpr int kSilentCycles = 40;  // without a package the program on the controller stops the robot by itself
+constexpr std::uint32_t kLeastMinor = 3;  // of PolyScope 5, the first one with the upper registers
+constexpr int kSilentCycles = 40;         // without a package the program on the controller stops the robot by itself
 constexpr int kRunning = 7, kNormal = 1, kReduced = 2, kPlaying = 2;
+constexpr std::int32_t kEndedByItself = 0;  // in place of a program's number
 // From a set point to the robot: two cycles on the way, and the least look-ahead of servoj.
 constexpr Servo kServo{.period = Seconds{1.0 / kRate_hz}, .delay = Seconds{4e-3}, .lag = Seconds{0.03}};
 constexpr double kFarthestTool_m = 0.5;     // of the controller from the flange of the scene's arm
@@ -110,12 +112,13 @@ std::string program(std::int32_t id, Drive drive, bool zero) {
   if moves:
     stopj(4.0)
   end
-  write_output_integer_register(24, 0)
+  write_output_integer_register(24, {none})
 end
 )",
                      fmt::arg("zero", zero ? "zero_ftsensor()\n  sleep(0.1)" : ""), fmt::arg("id", id),
                      fmt::arg("most", kSilentCycles), fmt::arg("move", static_cast<int>(Motion::move)),
-                     fmt::arg("end", static_cast<int>(Motion::end)), fmt::arg("drives", drives));
+                     fmt::arg("end", static_cast<int>(Motion::end)), fmt::arg("drives", drives),
+                     fmt::arg("none", kEndedByItself));
 }
 
 std::string name_of(int mode, int first, std::string_view names) {
@@ -126,9 +129,11 @@ std::string name_of(int mode, int first, std::string_view names) {
 std::string stopped_by(const rtde::State& s) {
   if (s.safety_mode != kNormal && s.safety_mode != kReduced)
     return "its safety mode is " +
-           name_of(s.safety_mode, 1,
-                   "NORMAL REDUCED PROTECTIVE_STOP RECOVERY SAFEGUARD_STOP SYSTEM_EMERGENCY_STOP "
-                   "ROBOT_EMERGENCY_STOP VIOLATION FAULT") +
+           name_of(
+               s.safety_mode, 1,
+               "NORMAL REDUCED PROTECTIVE_STOP RECOVERY SAFEGUARD_STOP SYSTEM_EMERGENCY_STOP "
+               "ROBOT_EMERGENCY_STOP VIOLATION FAULT VALIDATE_JOINT_ID UNDEFINED_SAFETY_MODE "
+               "AUTOMATIC_MODE_SAFEGUARD_STOP SYSTEM_THREE_POSITION_ENABLING_STOP TP_THREE_POSITION_ENABLING_STOP") +
            "; it must be NORMAL or REDUCED";
   if (s.robot_mode != kRunning)
     return "its robot mode is " +
@@ -198,11 +203,9 @@ class Controller {
   [[nodiscard]] std::string trouble(const rtde::State& s) const {
     const std::string why = stopped_by(s);
     return "--robot ur:" + where_ + ": " +
-           (why.empty()
-                ? fmt::format("the program on the controller has ended: somebody has stopped it, the pose has no "
-                              "inverse kinematics, or no package has come for {} ms",
-                              2 * kSilentCycles)
-                : why);
+           (why.empty() ? "the program on the controller has ended: somebody or its watchdog has stopped it, or the "
+                          "pose has no inverse kinematics"
+                        : why);
   }
   /// A loop in real time gets its readings in time.
   void follow_priority_of_caller() noexcept {
@@ -264,6 +267,7 @@ class Controller {
       const auto got = static_cast<Kind>(heard_[2]);
       std::string payload = heard_.substr(rtde::kHeader, size - rtde::kHeader);
       heard_.erase(0, size);
+      if (got == Kind::text && !rtde::warning(payload).empty()) said_ = rtde::warning(payload);
       if (got == kind) return payload;
     }
   }
@@ -273,12 +277,13 @@ class Controller {
   }
 
   void connect(bool first) {
+    said_.clear();
     try {
       negotiate(first);
       start_program(first);
-    } catch (const Refused&) {
+    } catch (const Refused& refused) {
       stream_.reset();
-      throw;
+      throw Refused{refused.why + (said_.empty() ? "" : "; it says \"" + in_one_line(said_) + '"')};
     }
   }
   void negotiate(bool first) {
@@ -299,9 +304,9 @@ class Controller {
     std::string_view rest = version;
     if (version.size() != 16) throw Refused{"the controller does not say its version"};
     const auto major = rtde::take<std::uint32_t>(rest), minor = rtde::take<std::uint32_t>(rest);
-    if (major < 5)
-      throw Refused{fmt::format("the controller has PolyScope {}.{}; it must be 5 or later, which has a force sensor",
-                                major, minor)};
+    if (major < 5 || (major == 5 && minor < kLeastMinor))
+      throw Refused{
+          fmt::format("the controller has PolyScope {}.{}; it must be 5.{} or later", major, minor, kLeastMinor)};
     const bool has_torque = major > 5 ? major > 10 || minor >= 11 : minor >= 23;
     if (only_torques_ && !has_torque)
       throw Refused{
@@ -376,8 +381,11 @@ class Controller {
     return fault_ || now - commanded_at_ > kSilence ? Command{} : command_;
   }
   void exchange() {
-    if (read_states()) {
-      fault_ = fault_ || state_.program != id_ || state_.runtime_state != kPlaying || !stopped_by(state_).empty();
+    const bool heard = read_states();
+    fault_ = fault_ || (heard && !stopped_by(state_).empty());
+    // A program that has ended by itself has heard nothing for too long: as good as a lost connection.
+    if (heard && (fault_ || state_.program != kEndedByItself)) {
+      fault_ = fault_ || state_.program != id_ || state_.runtime_state != kPlaying;
       if (!send(next(wanted()))) return readings_.put({state_, fault_, false});
     }
     stream_.reset();
@@ -410,6 +418,7 @@ class Controller {
   tcp::resolver::results_type rtde_at_, programs_at_;
   std::optional<beast::tcp_stream> stream_;  ///< none: no connection
   std::string heard_;
+  std::string said_;  ///< the last warning of its log before it starts
   std::string name_;
   Drive drive_ = Drive::pose;
   std::uint8_t out_ = 0, in_ = 0;  ///< recipes

@@ -107,8 +107,9 @@ TEST(DynamixelLive, ServosLetGoWhileTheProgramStandsStillAndWhenItIsKilled) {
   ASSERT_TRUE(comes_true(carries));
   slave.send(SIGSTOP);
   EXPECT_TRUE(comes_true(lets_go));
+  servos.lost = dynamixel::kBusWatchdog.address;
   slave.send(SIGCONT);
-  EXPECT_TRUE(comes_true([&] { return carries() || !arms.in_time(slave); }));
+  EXPECT_TRUE(comes_true([&] { return (carries() && servos.watched) || !arms.in_time(slave); }));
   slave.send(SIGKILL);
   EXPECT_EQ(slave.wait(), killed_by(SIGKILL));
   EXPECT_TRUE(comes_true(lets_go));

@@ -334,6 +334,29 @@ TEST_F(Crtk, TheStampZeroIsNoDataAndSilenceMayBeLonger) {
   EXPECT_NE(why.find("the stamp 0, which says that there is no data"), why.npos) << why;
 }
 
+/// dVRK's name of servo_cf is body/servo_cf.
+TEST_F(Ros2, WarnsOnceWhereNobodySubscribesItsCommand) {
+  const Names measured{"measured_cp", "measured_cv", "measured_cf"};
+  const auto said = [&](const std::string& options, const Names& read, const Names& written) {
+    Ros2Side side{"/arm", static_cast<std::uint32_t>(kDomain), written, read};
+    const Publishing publishing{side,
+                                {{written[0], kSomewhere.at("pose")},
+                                 {written[1], kSomewhere.at("twist")},
+                                 {written[2], kSomewhere.at("wrench")}}};
+    testing::internal::CaptureStderr();
+    const auto robot = open<Robot, 1>(in_domain("/arm") + options);
+    std::this_thread::sleep_for(4s);
+    return testing::internal::GetCapturedStderr();
+  };
+  const auto warning = [](const std::string& topic) {
+    return "warning: nobody subscribes to /arm/" + topic + ": no command gets to the hardware; map its topic\n";
+  };
+  EXPECT_EQ(said(",names=crtk", {"body/servo_cf"}, measured), warning("servo_cf"));
+  EXPECT_EQ(said(",names=crtk", {"servo_cf"}, measured), "");
+  EXPECT_EQ(said("", {"target_pose"}, {"pose", "twist", "wrench"}), warning("command"));
+  EXPECT_EQ(said(",servo=500:4:8", {"target_pose"}, {"pose", "twist", "wrench"}), "");
+}
+
 TEST_F(Ros2, JointsByTheNamesOfCrtkGetEffortsAlone) {
   JointSide side{"/arm", static_cast<std::uint32_t>(kDomain), "measured_js", "servo_jf"};
   const PublishingJoints publishing{side, kJointsSomewhere, kLoad};

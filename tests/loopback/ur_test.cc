@@ -184,13 +184,16 @@ TEST(Ur, WaitsForAControllerThatIsStarting) {
 
 TEST(Ur, SaysWhatAControllerRefuses) {
   EXPECT_EQ(refusal<3>({.speaks_version_2 = false}), "the controller does not speak version 2 of RTDE");
-  EXPECT_EQ(refusal<3>({.version = {3, 15, 4}}),
-            "the controller has PolyScope 3.15; it must be 5 or later, which has a force sensor");
+  EXPECT_EQ(refusal<3>({.version = {3, 15, 4}}), "the controller has PolyScope 3.15; it must be 5.3 or later");
+  EXPECT_EQ(refusal<3>({.version = {5, 2, 0}}), "the controller has PolyScope 5.2; it must be 5.3 or later");
+  EXPECT_EQ(refusal<3>({.version = {5, 3, 0}}), "opened");
   EXPECT_EQ(refusal<3>({.refused = "actual_TCP_speed"}), "the controller refuses actual_TCP_speed: NOT_FOUND");
   EXPECT_EQ(
       refusal<3>({.refused = "input_int_register_25", .by = "IN_USE"}),
       "the controller refuses input_int_register_25: IN_USE; another program writes it: end that one, or a fieldbus");
   EXPECT_EQ(refusal<3>({.starts = false}), "the controller does not start RTDE");
+  EXPECT_EQ(refusal<3>({.starts = false, .warns = "busy\n"}), "the controller does not start RTDE; it says \"busy \"");
+  EXPECT_EQ(refusal<3>({.warns = "busy"}), "opened");
   EXPECT_EQ(refusal<3>({.takes_programs = false}),
             "the controller does not start the program; put it into remote control, and enable its interfaces");
   EXPECT_EQ(refusal<3>({.safety_mode = 3}), "its safety mode is PROTECTIVE_STOP; it must be NORMAL or REDUCED");
@@ -198,7 +201,10 @@ TEST(Ur, SaysWhatAControllerRefuses) {
             "its robot mode is IDLE; it must be RUNNING: power it on and release its brakes");
   EXPECT_EQ(refusal<3>({.safety_mode = 2}), "opened");
   EXPECT_EQ(refusal<3>({.safety_mode = 9}), "its safety mode is FAULT; it must be NORMAL or REDUCED");
-  EXPECT_EQ(refusal<3>({.safety_mode = 11}), "its safety mode is unknown; it must be NORMAL or REDUCED");
+  EXPECT_EQ(refusal<3>({.safety_mode = 11}), "its safety mode is UNDEFINED_SAFETY_MODE; it must be NORMAL or REDUCED");
+  EXPECT_EQ(refusal<3>({.safety_mode = 13}),
+            "its safety mode is SYSTEM_THREE_POSITION_ENABLING_STOP; it must be NORMAL or REDUCED");
+  EXPECT_EQ(refusal<3>({.safety_mode = 25}), "its safety mode is unknown; it must be NORMAL or REDUCED");
   EXPECT_EQ(refusal<3>({.safety_mode = 0}), "its safety mode is unknown; it must be NORMAL or REDUCED");
   EXPECT_EQ(
       refusal<kJointPort>({}, two_ur5e()),
@@ -289,18 +295,26 @@ TEST(Ur, WaitsForLatePackages) {
 }
 
 TEST(Ur, ConnectsAgainAndDoesNotZeroAContact) {
-  for (const bool cut : {true, false}) {
+  // A network that stands still for 90 ms ends the program on the controller alone.
+  for (const std::string why : {"cut", "garbage", "deaf", "deaf and mute"}) {
     UrController controller{TWOPORT_ARMS};
     Loop<3> loop{open<3>(controller)};
     const double x0 = controller.tool_x_m;
     loop.run(pulled(x0 + 0.03), 1.0);
     ASSERT_GT(controller.wall_force_n, 5.0);
-    (cut ? controller.cut : controller.garbage) = true;
-    ASSERT_TRUE(loop.run(pulled(x0 + 0.03), [&] { return loop.robot().lets_go(); }));
+    if (why.starts_with("deaf")) {
+      controller.mute = why == "deaf and mute";
+      controller.deaf = true;
+      ASSERT_TRUE(loop.run(pulled(x0 + 0.03), [&] { return !controller.ended().empty(); }));
+      controller.deaf = controller.mute = false;
+    } else {
+      (why == "cut" ? controller.cut : controller.garbage) = true;
+    }
+    ASSERT_TRUE(loop.run(pulled(x0 + 0.03), [&] { return loop.robot().lets_go(); })) << why;
     EXPECT_EQ(loop.sample.v.squared_norm(), 0.0);
     ASSERT_TRUE(loop.run(pulled(x0 + 0.03), [&] { return !loop.robot().lets_go(); }));
     loop.run(pulled(x0 + 0.03), 1.5);
-    EXPECT_EQ(controller.connections, 2);
+    EXPECT_EQ(controller.connections, 2) << why;
     EXPECT_EQ(controller.programs, 2);
     EXPECT_EQ(controller.zeroed, 1);
     EXPECT_NEAR(loop.sample.f_environment[0], 10.0 / (1.0 + 1000.0 / 3000.0), 0.5);
@@ -337,8 +351,8 @@ TEST(Ur, AStoppedRobotIsAFaultInWords) {
             "its robot mode is POWER_OFF; it must be RUNNING: power it on and release its brakes");
   EXPECT_EQ(
       after([](UrController& c) { c.stop_program = true; }),
-      "the program on the controller has ended: somebody has stopped it, the pose has no inverse kinematics, or no "
-      "package has come for 80 ms");
+      "the program on the controller has ended: somebody or its watchdog has stopped it, or the pose has no inverse "
+      "kinematics");
 }
 
 TEST(Ur, JointsFollowTorquesUntilTheLoopHangs) {

@@ -130,11 +130,14 @@ class DynamixelServos {
   // What a test does to them. Numbers of servos from 1; 0: none.
   std::atomic<int> unplugged{0};  ///< it and those behind it
   std::atomic<int> hot{0}, broken{0}, damages_every{0};
+  std::atomic<int> restarted{0};  ///< once, without being silent
+  std::atomic<int> lost{0};       ///< address of which the next write is lost, of one servo or of all, unless of 0
+  std::atomic<int> refused{0};    ///< address that servo 3 does not take
   std::atomic<bool> halves{false}, echoes{false}, noisy{false}, counts_turns{true};
 
   // What they were told.
   std::array<std::atomic<int>, kJointPort> current{};  ///< [counts]
-  std::atomic<bool> on{false};                         ///< all motors
+  std::atomic<bool> on{false}, watched{false};         ///< all motors; by their watchdogs
   std::atomic<long> reads{0};
   /// From the last answer of a servo that is unplugged to the release of all; below 0: not yet.
   std::atomic<double> released_s{-1.0};
@@ -155,7 +158,15 @@ class DynamixelServos {
   /// Goes on to now, and shows the present values.
   void move(double span_s) {
     bool all = true;
-    for (std::size_t i = 0; i < tables_.size(); ++i) all = all && is_on(i);
+    if (const int i = restarted.exchange(0); i > 0)
+      for (const dynamixel::Item item : {dynamixel::kTorqueEnable, dynamixel::kBusWatchdog, dynamixel::kGoalCurrent})
+        put(static_cast<std::size_t>(i - 1), item, 0);
+    bool watch = true;
+    for (std::size_t i = 0; i < tables_.size(); ++i) {
+      all = all && is_on(i);
+      watch = watch && get(i, dynamixel::kBusWatchdog) == 5;
+    }
+    watched = watch;
     on_s_ = all ? on_s_ + span_s : 0.0;
     begun_ = begun_ || on_s_ > kHeld;
     on = all;
@@ -202,7 +213,7 @@ class DynamixelServos {
   }
   /// An error of a status.
   std::uint8_t write(std::size_t i, dynamixel::Item item, std::uint32_t value) {
-    if (item.address < 64 && is_on(i)) return 7;
+    if ((item.address < 64 && is_on(i)) || (item.address == refused && mounts_[i].id == 3 && value != 0)) return 7;
     const bool goal_stands = get(i, dynamixel::kBusWatchdog) == 255 && item.address == dynamixel::kGoalCurrent.address;
     const bool beyond = item.address == dynamixel::kGoalCurrent.address &&
                         std::abs(static_cast<std::int16_t>(value)) > static_cast<int>(get(i, dynamixel::kCurrentLimit));
@@ -215,6 +226,12 @@ class DynamixelServos {
       return dynamixel::Item{static_cast<std::uint16_t>(m.at(0, 2)), static_cast<std::uint8_t>(m.at(2, 2))};
     };
     told_ = Now::now();
+    const bool sync = m.instruction == Instruction::sync_write;
+    if ((sync || m.instruction == Instruction::write) && lost > 0 && static_cast<int>(m.at(0, 2)) == lost &&
+        m.at(sync ? 5 : 2, 1) != 0) {
+      lost = 0;
+      return;
+    }
     for (std::size_t i = 0; i < tables_.size(); ++i)
       if (mounts_[i].id == m.id) {
         if (m.instruction == Instruction::ping) answer(i, {0, 3}, 0);

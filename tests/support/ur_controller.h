@@ -33,6 +33,7 @@ struct UrOptions {
   std::array<std::uint32_t, 3> version{5, 22, 0};
   bool speaks_version_2 = true, starts = true, takes_programs = true;
   std::string refused{}, by = "NOT_FOUND";  ///< a field of a recipe, and in place of its type
+  std::string warns{};                      ///< before it answers with a recipe of outputs or starts
   int robot_mode = 7, safety_mode = 1;
   double wall_m = 0.02;  ///< from the tool, along x
   double wall_n_per_m = 3000.0;
@@ -87,6 +88,7 @@ class UrController {
   std::atomic<int> robot_mode, safety_mode;
   std::atomic<bool> cut{false};                   ///< closes the connection of RTDE, once
   std::atomic<bool> mute{false}, garbage{false};  ///< sends no states; sends what is none, once
+  std::atomic<bool> deaf{false};                  ///< hears nothing; what has come is heard later
   std::atomic<bool> stop_program{false};          ///< as somebody at the pendant
   std::atomic<double> tool_x_m{0.0}, tool_speed_m_per_s{0.0}, wall_force_n{0.0}, most_force_n{0.0};
   std::atomic<double> torque_n_m{0.0};  ///< size of the last direct_torque
@@ -167,6 +169,8 @@ class UrController {
       asked_ += heard_.substr(0, payload.size() + 3);
     }
     if (kind == 'V') return answer(kind, {options_.speaks_version_2 && number(payload, 0, 2) == 2 ? '\1' : '\0'});
+    if ((kind == 'O' || kind == 'S') && !options_.warns.empty())
+      answer('M', static_cast<char>(options_.warns.size()) + options_.warns + "\4RTDE\1");
     if (kind == 'S') return answer(kind, {(started_ = options_.starts) ? '\1' : '\0'});
     if (kind == 'P') return started_ = false, answer(kind, "\1");
     std::string reply;
@@ -233,7 +237,7 @@ class UrController {
     }
     if (client_ && cut.exchange(false)) hang_up();
     std::array<char, 4096> bytes;
-    while (client_) {
+    while (client_ && !deaf) {
       const std::size_t n = client_->read_some(boost::asio::buffer(bytes), error);
       if (error == boost::asio::error::would_block) break;
       if (error) hang_up();

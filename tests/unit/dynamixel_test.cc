@@ -350,6 +350,33 @@ TEST(Dynamixel, OfAnUnpluggedServoReleasesAllWithin10ms) {
   }));
 }
 
+/// Mode, torque and watchdog are written to each with an answer.
+TEST(Dynamixel, IsOnAndWatchedThoughAPacketIsLost) {
+  for (const Item& item : {kTorqueEnable, kBusWatchdog}) {
+    PlacedLoad load;
+    place(load, kReady);
+    DynamixelServos servos{mounts(), load};
+    servos.lost = item.address;
+    servos.start();
+    Leader rig{servos.port() + kServos + ",silence_ms=100"};
+    EXPECT_EQ(servos.lost, 0);
+    EXPECT_TRUE(servos.on && servos.watched) << item.address;
+  }
+}
+
+TEST(Dynamixel, OfAServoThatRestartsReleasesAll) {
+  Ready<Follower> ready;
+  DynamixelServos& servos = ready.servos;
+  Follower& rig = *ready.rig;
+  rig.f[0] = 0.1;
+  ASSERT_TRUE(rig.until([&] { return servos.current[0] > 200; }));
+  servos.restarted = 5;
+  ASSERT_TRUE(rig.until([&] { return rig.s.status == HardwareStatus::fault; }, 0.5));
+  EXPECT_EQ(rig.side->trouble(),
+            "servo 5 has switched its torque off: it has restarted, or its supply is too weak; all are released");
+  EXPECT_TRUE(rig.until([&] { return servos.current[0] == 0 && !servos.on; }));
+}
+
 TEST(Dynamixel, OfAHotServoAndAnErrorOfItsHardwareReleasesAll) {
   for (const bool hot : {true, false}) {
     Ready<Follower> ready;
@@ -416,6 +443,18 @@ TEST(Dynamixel, RefusesWhatItCannotDrive) {
   refused("/dev/null,baud=9600", "baud must be 57600, 115200, 1000000, 2000000, 3000000 or 4000000");
   refused("/dev/null", "it is no serial port");
   refused("/no/port", "the port cannot be opened (No such file or directory)");
+  for (const std::string ms : {"0", "201", "500"})
+    refused("/dev/null,silence_ms=" + ms,
+            "silence_ms is " + ms +
+                "; it must be from 1 to 200: a servo that restarts is silent for longer, and comes "
+                "back without torque");
+  for (const Item& item : {kTorqueEnable, kBusWatchdog}) {
+    const auto servos = with([&](DynamixelServos& s) { s.refused = item.address; });
+    refused(servos->port() + kServos, "servo 3 does not take " + std::string{item.address == 64 ? "1" : "5"} +
+                                          " at address " + std::to_string(item.address));
+    for (int i = 0; i < 200 && servos->on; ++i) std::this_thread::sleep_for(std::chrono::milliseconds{5});
+    EXPECT_FALSE(servos->on);
+  }
   auto of = mounts();
   of[3].id = 14;
   {
