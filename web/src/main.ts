@@ -265,7 +265,7 @@ class Page {
     const { right, up } = viewsFor(scene)[0]!, along = (axis: Vec): number => -wall.normal!.reduce((sum, n, i) => sum + n * axis[i]!, 0);
     const [x, y] = [along(right), along(up)];
     this.tour = new Tour({
-      wall: Math.abs(wall.normal![2] ?? 0) > 0.9 ? 'table' : 'wall',
+      wall: wall.normal![2] > 0.9 ? 'table' : 'wall',
       muted: () => this.muted,
       toWall: Math.abs(x) > Math.abs(y) ? (x > 0 ? 'to the right' : 'to the left') : y > 0 ? 'up' : 'down',
       limited: () => this.limitsSeen.length > 0,
