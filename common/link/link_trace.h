@@ -45,6 +45,12 @@ inline constexpr double kSparse_s = 0.05;
 /// row, whose share is lost of all packets, evenly.
 std::vector<double> delays_at(const TracedWay& way, double rate_hz);
 
+/// What rules that need one delay of a direction take for that of nearly every packet: with a playout buffer the least and the buffer's,
+/// else the median, which a few late packets do not move [s].
+inline double nominal_delay_s(double least_s, double median_s, double playout_s) {
+  return playout_s > 0.0 ? least_s + playout_s : median_s;
+}
+
 /// Figures of one direction.
 struct DirectionFigures {
   double received = 0.0, lost = 0.0, late = 0.0, duplicated = 0.0;  ///< packets; late: after a newer one

@@ -21,6 +21,9 @@ constexpr double kRounding = 1e-6;  // [J]
 double length(const PageSample::Vector& v) {
   return std::hypot(v[0], v[1], v[2]);
 }
+std::string joules(double j) {
+  return j >= 1.0 ? fmt::format("{:.2f} J", j) : fmt::format("{:.3g} mJ", 1e3 * j);
+}
 
 }  // namespace
 
@@ -106,7 +109,7 @@ PageVerdict PageJudge::verdict() const {
     if (v.kind == VerdictKind::stable) out.reason = v.text;
   }
   if (left_j_ < -kRounding)
-    return {not_passive, fmt::format("the hand has got {:.3g} mJ more than it has put in and E(0)", -1e3 * left_j_)};
+    return {not_passive, fmt::format("the hand has got {} more than it has put in and E(0)", joules(-left_j_))};
   if (out.reason.empty())
     out.reason = rests_ ? "the hand has got no more energy than it has put in and E(0); the motion is judged when hand "
                           "and sliders have rested for two seconds"

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -10,6 +11,7 @@
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/coupling/layers.h"
+#include "common/link/link_trace.h"
 #include "common/scene/blocks.h"
 #include "common/scene/joints.h"
 #include "common/scene/source.h"
@@ -18,13 +20,14 @@
 namespace twoport {
 namespace {
 
-double mean_delay_s(const ImpairmentOptions& o) {
-  const std::vector<double>& recorded = o.recorded_delay_s;
-  if (recorded.empty()) return o.delay_s;
-  double sum = 0.0, count = 0.0;
-  for (const double delay : recorded)
-    if (!std::isnan(delay)) sum += delay, ++count;
-  return sum / count;
+double delay_of_way_s(const ImpairmentOptions& o, double playout_s) {
+  if (o.recorded_delay_s.empty()) return o.delay_s + playout_s;
+  std::vector<double> arrived;
+  std::copy_if(o.recorded_delay_s.begin(), o.recorded_delay_s.end(), std::back_inserter(arrived),
+               [](double delay_s) { return !std::isnan(delay_s); });
+  if (arrived.empty()) return playout_s;
+  std::sort(arrived.begin(), arrived.end());
+  return nominal_delay_s(arrived.front(), arrived[(arrived.size() - 1) / 2], playout_s);
 }
 
 /// Of the blocks of a scene: with joints they describe the tools in space.
@@ -132,8 +135,8 @@ void tell_system(const Scene& scene, ControlOptions& control) {
   control.random.seed = scene.seed;
   KnownSystem& known = control.known;
   known.round_trip = control.stated_round_trip.value_or(
-      Seconds{mean_delay_s(scene.to_slave) + mean_delay_s(scene.to_master) + scene.transmission_to_slave.playout_s +
-              scene.transmission_to_master.playout_s});
+      Seconds{delay_of_way_s(scene.to_slave, scene.transmission_to_slave.playout_s) +
+              delay_of_way_s(scene.to_master, scene.transmission_to_master.playout_s)});
   known.master_tick = Seconds{1.0 / scene.master_rate_hz};
   known.slave_tick = Seconds{1.0 / scene.slave_rate_hz};
   known.device_damping_n_s_per_m = device.damping_n_s_per_m;

@@ -46,6 +46,15 @@ std::vector<double> values_of(const std::string& option, const std::string& spec
   return all;
 }
 
+/// The rule by which map, compare and recommend name a method (best_of).
+constexpr const char* kBestRule =
+    R"(
+error       root of the sum of squares of felt-force error, missing force, drag in free space and chatter [N]; missing force: by how
+            much the environment's force, in the mean over the run, is below that of the same scene without delay, loss and control
+best        of the methods that are stable and quiet with every seed, press at least half and at most one and a half times that
+            force, bound the energy of a port and have never paid the hand more than E(0), the one with the least error
+)";
+
 struct MapArguments {
   MapOptions map;
   std::optional<int> lanes;
@@ -132,9 +141,10 @@ void add_map(CLI::App& app, Chosen& chosen) {
   add_lanes(map, a->lanes);
   map.footer(
       R"(A method holds in a place where every seed is stable and quiet and at least half of the force is pressed that the
-same scene presses without delay and loss. The error is the root of the sum of squares of felt-force error, missing
-force, drag in free space and chatter [N]; best is the method with the least. It is good where it holds and that error is below
-half of the force pressed without delay and loss: a method that displays nothing, or drags as much, is not.
+same scene presses without delay, loss and control. It is good where it holds and its error is below half of that force:
+a method that displays nothing, or drags as much, is not.
+)" + std::string{kBestRule} +
+      R"(
 Cells run from coarse to fine; Ctrl-C leaves table and pictures of those that have run.)");
   map.callback([a, &chosen] { chosen = [a] { return map_command(*a); }; });
 }
@@ -227,8 +237,9 @@ void add_recommend(CLI::App& app, Chosen& chosen) {
   add_jobs(recommend, a->jobs);
   recommend.footer(
       "Without --link prints one line: NAME: why. With it, blocks to paste into a scene, the reasons as comments. The "
-      "scene is that of `map`: an ordinary hand, device and robot. Recommended is, of the methods that hold as in "
-      "`map` and bound the energy of the hand's port, the one with the least error; status 3: there is none.");
+      "scene is that of `map`: an ordinary hand, device and robot. Recommended is the best; status 3: there is "
+      "none.\n" +
+      std::string{kBestRule});
   recommend.callback([a, &chosen] { chosen = [a] { return recommend_command(*a); }; });
 }
 
@@ -312,7 +323,9 @@ void add_compare(CLI::App& app, Chosen& chosen) {
   compare.add_option("--methods", a->methods, "NAME,NAME; all of them if absent");
   compare.add_option("--out", a->compare.out, "Folder for table.csv and the picture");
   add_jobs(compare, a->compare.jobs);
-  compare.footer(kColumns);
+  compare.footer(kColumns + std::string{kBestRule} + R"(
+An error is "-" of a run that is not STABLE, and where the scene without delay, loss and control presses nothing or is
+unstable. Where the scene states no E(0), every method has that of the default's rule.)");
   compare.callback([a, &chosen] { chosen = [a] { return compare_command(*a); }; });
 }
 

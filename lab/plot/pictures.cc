@@ -7,12 +7,15 @@
 #include <cmath>
 #include <fstream>
 #include <map>
+#include <memory>
 #include <numbers>
+#include <optional>
 #include <string_view>
 #include <utility>
 
 #include "common/base/check.h"
 #include "common/base/text.h"
+#include "common/coupling/joint_tool.h"
 #include "common/record/trace_table.h"
 #include "lab/plot/picture.h"
 #include "lab/study/boundary.h"
@@ -225,7 +228,38 @@ namespace {
 struct Forces {
   std::vector<double> t_s, environment_n, felt_n;
 };
-Forces read_forces(const std::string& path) {
+
+/// The force of one port in a row of a trace.
+class PortForce {
+ public:
+  /// Of the columns POSITION_0, …, FORCE_0, …; with the arm of a port of joints the force at its tool.
+  PortForce(std::string_view position, std::string_view force, const std::shared_ptr<const ArmModel>& arm,
+            const ControlOptions& control)
+      : position_{position}, force_{force} {
+    if (arm) tool_.emplace(arm, control.joint_scale);
+  }
+  void take(std::string_view name, double value) {
+    take(name, value, position_, q_);
+    take(name, value, force_, f_);
+  }
+  [[nodiscard]] double norm_n() const {
+    if (!tool_) return f_.head<3>().norm();
+    return tool_->at(Position<kJointPort>{q_}).force(Force<kJointPort>{f_}).vec().norm();
+  }
+
+ private:
+  static void take(std::string_view name, double value, std::string_view vector, JointTool::Axes& into) {
+    if (!name.starts_with(vector) || name.size() != vector.size() + 1) return;
+    const int axis = name.back() - '0';
+    if (axis >= 0 && axis < into.size()) into[axis] = value;
+  }
+
+  std::string_view position_, force_;
+  std::optional<JointTool> tool_;
+  JointTool::Axes q_ = JointTool::Axes::Zero(), f_ = JointTool::Axes::Zero();
+};
+
+Forces read_forces(const std::string& path, const ControlOptions& control) {
   std::ifstream in{path};
   std::string header, line;
   if (!std::getline(in, header)) throw ConfigError{fmt::format("{}: is no trace", path)};
@@ -235,23 +269,22 @@ Forces read_forces(const std::string& path) {
   while (std::getline(in, line)) ++rows;
   in.clear();
   in.seekg(begin);
-  const auto is_axis_of = [](std::string_view name, std::string_view force) {
-    return name.starts_with(force) && name.size() == force.size() + 1 && name.back() < '3';
-  };
+  PortForce environment{"slave_x_", "env_f_", control.follower, control};
+  PortForce felt{"master_x_", "master_f_", control.leader, control};
   Forces all;
   for (std::size_t row = 0; std::getline(in, line); ++row) {
     if (row % (rows / 3000 + 1) != 0) continue;
     const std::vector<std::string_view> values = parts_of(line, ',');
-    double t_s = 0.0, environment2 = 0.0, felt2 = 0.0;
+    double t_s = 0.0;
     for (std::size_t i = 0; i < std::min(names.size(), values.size()); ++i) {
       const double value = number_from<double>(values[i]).value_or(kAsDataNeed);
       if (names[i] == "t_s") t_s = value;
-      if (is_axis_of(names[i], "env_f_")) environment2 += value * value;
-      if (is_axis_of(names[i], "master_f_")) felt2 += value * value;
+      environment.take(names[i], value);
+      felt.take(names[i], value);
     }
     all.t_s.push_back(t_s);
-    all.environment_n.push_back(std::sqrt(environment2));
-    all.felt_n.push_back(std::sqrt(felt2));
+    all.environment_n.push_back(environment.norm_n());
+    all.felt_n.push_back(felt.norm_n());
   }
   return all;
 }
@@ -259,13 +292,18 @@ Forces read_forces(const std::string& path) {
 }  // namespace
 
 std::string draw(const Comparison& all, const std::string& folder) {
+  std::vector<Forces> of_methods;
+  for (const std::string& method : all.methods)
+    of_methods.push_back(read_forces(folder + "/" + method + "/trace.csv", all.control));
   // One scale for all that is stable; what is not is cut.
   double most = 0.0;
-  for (const Summary& s : all.summaries)
-    if (s.verdict_kind() != "UNSTABLE") most = std::max(most, s.robot_max_force_n());
+  for (std::size_t m = 0; m < all.methods.size(); ++m)
+    if (all.summaries[m].verdict_kind() != "UNSTABLE")
+      for (const std::vector<double>* forces : {&of_methods[m].environment_n, &of_methods[m].felt_n})
+        for (const double force_n : *forces) most = std::max(most, force_n);
   Picture picture{.name = "compare", .title = all.scene + ": force at the environment and at the hand"};
   for (std::size_t m = 0; m < all.methods.size(); ++m) {
-    const Forces forces = read_forces(folder + "/" + all.methods[m] + "/trace.csv");
+    const Forces& forces = of_methods[m];
     Series environment{Look::line, kUnstableColour, "environment"}, felt{Look::line, kStableColour, "felt by the hand"};
     for (std::size_t i = 0; i < forces.t_s.size(); ++i) {
       environment.add({forces.t_s[i], forces.environment_n[i]});

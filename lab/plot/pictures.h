@@ -46,7 +46,8 @@ std::string draw(const Map& map, const std::string& folder);
 /// matrix: rows are transparency layers, columns passivity layers; the colour is the error of the felt force, strokes say where a claim of
 /// energy is broken and where the run is not stable.
 std::string draw(const Matrix& matrix, const std::string& folder);
-/// compare: force at the environment and at the hand, a panel for each method, from FOLDER/METHOD/trace.csv.
+/// compare: force at the environment and at the hand, of ports of joints at the arms' tools, a panel for each method, from
+/// FOLDER/METHOD/trace.csv.
 std::string draw(const Comparison& all, const std::string& folder);
 /// impedance: size and phase of force against motion, displayed and true, and coherence.
 std::string draw(const std::vector<DisplayedImpedance>& all, const std::string& scene, const std::string& folder);

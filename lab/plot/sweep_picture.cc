@@ -53,7 +53,7 @@ Shown shown(const Table& table, const std::string& key) {
     if (const auto found = table.find(name)) return *found;
     throw ConfigError{fmt::format("--plot {}: the table has no such column", name)};
   };
-  const bool seeds = table.seeds > 0;
+  const bool seeds = table.seeds > 0, several = table.seeds > 1;
   const std::size_t of_key = column(key), of_stable = column(seeds ? "stable_worst" : "stable");
   const std::optional<std::size_t> of_scene = table.find("scene"), of_sd = table.find(key + "_sd"),
                                    of_worst = table.find(key + "_worst");
@@ -63,11 +63,11 @@ Shown shown(const Table& table, const std::string& key) {
   p.share = key == "stable" && seeds;
   p.numbers = !table.stopped;
   p.label = p.share ? Label{"share of stable seeds", ""} : label_of_figure(key);
-  p.unstable_words = seeds ? "unstable with at least one seed" : "unstable";
+  p.unstable_words = several ? "unstable with at least one seed" : "unstable";
   p.verdicts = key == "stable" && !seeds;
-  p.spread = of_sd && of_worst && !p.share;
+  p.spread = several && of_sd && of_worst && !p.share;
   p.title = p.verdicts ? "where the run is stable" : p.label.words;
-  if (seeds && !p.share) p.title += fmt::format(", mean of {} seeds", table.seeds);
+  if (several && !p.share) p.title += fmt::format(", mean of {} seeds", table.seeds);
   if (of_scene && !table.rows.empty()) p.title = table.rows.front()[*of_scene].text() + ": " + p.title;
   if (table.stopped) p.title += " (coarse)";
   for (const Axis& axis : axes) p.places.emplace_back(axis);
@@ -137,7 +137,7 @@ Panel curve(const Shown& p) {
   Series bands{Look::boxes, kUnstableColour, p.unstable_words};
   Series spread{x.words() ? Look::boxes : Look::area, kBandColour, p.spread ? "± one standard deviation" : ""};
   Series mean{x.words() ? Look::dots : Look::joined_dots, kStableColour, p.spread ? "mean" : ""};
-  Series worst{x.words() ? Look::crosses : Look::dashes, kWorstColour, "worst seed"};
+  Series worst{x.words() ? Look::crosses : Look::dashes, kWorstColour, p.spread ? "worst seed" : ""};
   std::vector<std::vector<double>> back;  // the upper edge of the band
   const auto end_band = [&] {
     spread.rows.insert(spread.rows.end(), back.rbegin(), back.rend());

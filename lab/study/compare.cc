@@ -87,6 +87,7 @@ Comparison compare(const CompareOptions& o, const Heard& heard) {
   for (const std::string& method : all.methods) scenes.push_back(scene_with(method));
   all.scene = scenes.front().name;
   all.dof = scenes.front().dof;
+  all.control = as_it_is.control;
   all.summaries.resize(scenes.size());
   Tally tally{scenes.size(), heard};
   run_each(scenes.size(), o.jobs, tally, [&](std::size_t i) {

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "common/coupling/options.h"
 #include "common/record/summary.h"
 #include "lab/study/many_runs.h"
 #include "lab/study/ranking.h"
@@ -24,6 +25,7 @@ struct CompareOptions {
 struct Comparison {
   std::string scene;  ///< its name
   int dof = 0;
+  ControlOptions control{};  ///< of the scene as it is
   std::vector<std::string> methods;
   std::vector<Summary> summaries;  ///< one for each method
   /// One for each method; none without a link.

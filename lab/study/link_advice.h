@@ -13,9 +13,8 @@ struct LinkAdvice {
   struct Way {
     DirectionFigures figures{};
     double playout_ms = 0.0;
-    /// Of nearly every packet: the least delay and the playout, without playout the median.
     [[nodiscard]] double delay_ms() const {
-      return 1e3 * figures.least_s + (playout_ms > 0.0 ? playout_ms : 1e3 * figures.jitter_p50_s);
+      return 1e3 * nominal_delay_s(figures.least_s, figures.least_s + figures.jitter_p50_s, 1e-3 * playout_ms);
     }
   };
   Way to_slave, to_master;

@@ -314,10 +314,11 @@ std::string to_text(const Map& map) {
     while (m < map.methods.size() && map.at(m, p).runs() > 0) ++m;
     if (m == map.methods.size()) places.push_back(p);
   }
+  const int runs_each = places.empty() ? 0 : map.at(0, places[0]).runs();
   std::string out = fmt::format(
-      "{}: {} places, {} seeds each\n", map.scene,
+      "{}: {} places, {} seed{} each\n", map.scene,
       map.stopped ? fmt::format("{} of {}", places.size(), map.places.size()) : std::to_string(places.size()),
-      places.empty() ? 0 : map.at(0, places[0]).runs());
+      runs_each, runs_each == 1 ? "" : "s");
   out += fmt::format("{:<24} {:>7} {:>9} {:>9} {:>9} {:>17} {:>7} {:>7} {:>7} {:>9} {:>14}\n", "method", "stable",
                      "restless", "undecided", "unstable", "stable runs, 95 %", "holds", "good", "best", "within 5 %",
                      "least hand mJ");

@@ -93,7 +93,9 @@ Standing standing_of(const std::string& method, const std::vector<Summary>& runs
                             : of.undecided);
     if (kind != "STABLE") continue;
     const double force = pressed_force_n(s);
-    pressed.push_back(reference_n > 0.0 ? force / reference_n : kNone);
+    // What is missing, and its share, are known beside a reference only.
+    if (!(reference_n > 0.0)) continue;
+    pressed.push_back(force / reference_n);
     error.push_back(std::sqrt(
         std::pow(positive_or_zero(s.felt_force_error_rms_n()), 2) + std::pow(positive_or_zero(reference_n - force), 2) +
         std::pow(positive_or_zero(s.free_force_rms_n()), 2) + std::pow(positive_or_zero(s.chatter_rms_n()), 2)));

@@ -21,7 +21,7 @@ struct Standing {
   int stable = 0, restless = 0, undecided = 0, unstable = 0;  ///< runs, by verdict; none: the method has not run
   double reference_n = 0.0;                                   ///< reference_force_n()
   double initial_energy_j = 0.0;                              ///< E(0), the same for every method
-  /// Mean force of the environment over reference_n; of the stable runs.
+  /// Mean force of the environment over reference_n; of the stable runs. NaN, as error_n, where there is no reference.
   Spread pressed{};
   /// √(felt_force_error_rms² + (force missing at the environment)² + free_force_rms² + chatter_rms²) [N], of the stable
   /// runs: what is wrong with the hand's force, that nothing is pressed, drag, chatter.

@@ -12,6 +12,8 @@ await run(async () => {
   await coupled();
   await page.mouse.move(x + 0.045 * scale, y, { steps: 30 });
   await until('the wall is felt', async () => (await value('felt')) > 1);
+  await pause(1500);
+  await takePicture();
   await set('friction', 1);
   await until('the slave has a friction of 1', async () => (await there('friction')) === 1);
   // Along the wall: with friction 1 the robot stays behind the hand, with 0 it follows.
@@ -42,5 +44,4 @@ await run(async () => {
   // The sphere is another surface.
   await page.locator('#surface').selectOption({ label: 'sphere' });
   await until('the sliders show the sphere', async () => (await there('stiffness')) === 2000);
-  await takePicture();
 });

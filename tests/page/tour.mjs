@@ -41,7 +41,8 @@ await run(async () => {
   const [first] = (await page.locator('#method option').first().textContent()).split(',');
 
   await begins('tour-begin', 0, first);
-  if (!(await text('tour-text')).includes(table ? ' down until' : ' to the right until')) throw new Error(`the way to the wall: ${await text('tour-text')}`);
+  if (!(await text('tour-step')).includes(table ? 'A table.' : 'A wall.')) throw new Error(`the first step: ${await text('tour-step')}`);
+  if (!(await text('tour-text')).includes(table ? ' down until the robot presses the table' : ' to the right until the robot presses the wall')) throw new Error(`the way to the wall: ${await text('tour-text')}`);
   await press(0.045);
   await done(1);
   if ((await verdict()) !== 'passive') throw new Error(`at a wall: ${await verdict()}`);
@@ -69,6 +70,8 @@ await run(async () => {
     // It flies off: the picture follows.
     for (let i = 0; i < 10; ++i) {
       await until('hand and robot are in the picture', async () => (await page.locator('#picture').getAttribute('data-in-view')) === 'true', 3000);
+      const arrows = await page.locator('#picture').getAttribute('data-readable');
+      if (arrows !== 'true') throw new Error('an arrow leaves the picture, or a label is struck through');
       await pause(100);
     }
     if (table) await begins('tour-next', 60, 'NONE'); // arms that fly off come back by a restart only

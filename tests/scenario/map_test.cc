@@ -1,14 +1,17 @@
 #include "lab/study/map.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <filesystem>
 #include <limits>
+#include <numeric>
 #include <sstream>
 #include <string>
 #include <tuple>
@@ -20,6 +23,7 @@
 #include "common/method/catalogue.h"
 #include "common/record/summary.h"
 #include "common/scene/load.h"
+#include "lab/plot/pictures.h"
 #include "lab/run.h"
 #include "lab/study/compare.h"
 #include "lab/study/link_advice.h"
@@ -353,6 +357,26 @@ TEST(Ranking, CompareMapAndRecommendNameTheSame) {
   }
 }
 
+/// E(0) of the default's rule is made of one round trip, whether a scene names the link or recommend is given it.
+TEST(Recommend, TheRoundTripOfALinkIsThatOfASceneOverIt) {
+  for (const char* name : {"satellite", "home_uplink_under_load"}) {
+    const std::string file = fmt::format(TWOPORT_SCENES "/links/{}.csv", name);
+    const LinkTrace link = parse_link_trace(read_whole(file, file), file);
+    const LinkAdvice with = advise(figures_of(link.to_slave), figures_of(link.to_master));
+    LinkAdvice without = with;
+    without.to_slave.playout_ms = without.to_master.playout_ms = 0.0;
+    ASSERT_GT(with.to_slave.playout_ms, 0.0);
+    for (const LinkAdvice& advice : {with, without}) {
+      std::vector<std::string> set;
+      for (const auto& [way, of] : {std::pair{"to_slave", &advice.to_slave}, {"to_master", &advice.to_master}})
+        set.push_back(fmt::format("{}={{ trace_file: \"{}\" playout_ms: {} }}", way, file, of->playout_ms));
+      const Scene scene = load_scene(TWOPORT_SCENES "/one_axis_wall.textproto", set);
+      EXPECT_NEAR(1e3 * scene.control.known.round_trip.si(), advice.round_trip_ms(), 1e-3 * advice.round_trip_ms())
+          << name << ", " << advice.to_slave.playout_ms;
+    }
+  }
+}
+
 /// Of a trace that outlasts the scene compare plays the beginning, and says so.
 TEST(Compare, SaysThatATraceOutlastsTheScene) {
   const test::Folder folder;
@@ -365,6 +389,51 @@ TEST(Compare, SaysThatATraceOutlastsTheScene) {
                                   .jobs = 1,
                                   .out = {}});
   EXPECT_NE(to_text(all).find("74.5 s of the link's trace come after the scene's end"), std::string::npos);
+}
+
+/// Of ports of joints as the summary has them: forces at the arms' tools.
+TEST(Compare, DrawsForcesAtTheToolsOfJoints) {
+  if (std::system("command -v gnuplot > /dev/null 2>&1") != 0) GTEST_SKIP() << "gnuplot is not installed";
+  const test::Folder folder;
+  const Comparison all = compare({.scene = TWOPORT_SCENES "/leader_follower.textproto",
+                                  .set = {"duration_s=3"},
+                                  .methods = {"ENERGY_EXCHANGE"},
+                                  .jobs = 1,
+                                  .out = folder / "."});
+  draw(all, folder / ".");
+  std::istringstream rows{read_whole(folder / "compare.dat")};
+  std::vector<double> environment_n, felt_n, *into = nullptr;
+  for (std::string row; std::getline(rows, row);) {
+    double t_s = 0.0, force_n = 0.0;
+    if (row == "# environment") into = &environment_n;
+    if (row == "# felt by the hand") into = &felt_n;
+    if (into != nullptr && std::istringstream{row} >> t_s >> force_n && force_n > 0.0) into->push_back(force_n);
+  }
+  const Summary& s = all.summaries[0];
+  const double pressed_n = s.environment_force_mean_n(), most_felt_n = s.max_force_n();
+  EXPECT_GT(pressed_n, 5.0);
+  EXPECT_NEAR(
+      std::accumulate(environment_n.begin(), environment_n.end(), 0.0) / static_cast<double>(environment_n.size()),
+      pressed_n, 0.05 * pressed_n);
+  EXPECT_NEAR(*std::max_element(felt_n.begin(), felt_n.end()), most_felt_n, 0.05 * most_felt_n);
+}
+
+/// What a press is short of is known beside a reference only.
+TEST(Compare, KnowsNoErrorWhereNothingIsPressedWithoutDelay) {
+  const auto row_of = [](std::vector<std::string> set) {
+    set.emplace_back("duration_s=2");
+    const std::string text = to_text(compare({.scene = TWOPORT_SCENES "/one_axis_wall.textproto",
+                                              .set = std::move(set),
+                                              .methods = {"INTERNAL_MODEL"},
+                                              .jobs = 1,
+                                              .out = {}}));
+    std::istringstream row{text.substr(text.find("\nINTERNAL_MODEL") + 1)};
+    std::string method, verdict, error;
+    row >> method >> verdict >> error;
+    return std::pair{verdict, error};
+  };
+  EXPECT_NE(row_of({}), (std::pair<std::string, std::string>{"STABLE", "-"}));
+  EXPECT_EQ(row_of({"environment[0].wall.offset_m=-1"}), (std::pair<std::string, std::string>{"STABLE", "-"}));
 }
 
 /// Where a scene states no E(0), each method has that of the default's rule, whichever the scene names.
@@ -493,6 +562,33 @@ TEST(Gallery, SaysInAWordWhatARunWas) {
   EXPECT_EQ(in_a_word(s), "UNSTABLE");
   EXPECT_THROW(gallery({.folder = "/nonexistent", .methods = {}, .jobs = 1}), ConfigError);
   EXPECT_THROW(gallery({.folder = TWOPORT_SCENES "/../docs", .methods = {}, .jobs = 1}), ConfigError);
+}
+
+// A row of the table is `METHOD` | stable | mute | restless | UNSTABLE |: numbers of scenes, after a colon their names.
+TEST(Gallery, IsAsTheDocumentsSay) {
+  const Gallery all = gallery({.folder = TWOPORT_SCENES "/edge", .methods = {}, .jobs = 2});
+  const std::string page = read_whole(TWOPORT_SCENES "/../docs/reference/methods.md");
+  const std::size_t from = page.find("## The failure gallery"), to = page.find("\n## ", from);
+  ASSERT_NE(to, page.npos);
+  const std::string table = page.substr(from, to - from);
+  for (std::size_t m = 0; m < all.methods.size(); ++m) {
+    SCOPED_TRACE(all.methods[m]);
+    const std::size_t at = table.find("| `" + all.methods[m] + "` |");
+    ASSERT_NE(at, table.npos);
+    std::istringstream row{table.substr(at, table.find('\n', at) - at)};
+    std::string cell;
+    std::getline(row, cell, '|');
+    std::getline(row, cell, '|');
+    for (const char* word : {"stable", "mute", "restless", "UNSTABLE"}) {
+      std::vector<std::string> scenes;
+      for (const Gallery::Entry& each : all.entries)
+        if (in_a_word(each.summaries[m]) == word) scenes.push_back("`" + each.scene + "`");
+      ASSERT_TRUE(std::getline(row, cell, '|'));
+      const std::string number = std::to_string(scenes.size());
+      EXPECT_EQ(cell, cell.find(':') == cell.npos ? " " + number + " "
+                                                  : fmt::format(" {}: {} ", number, fmt::join(scenes, ", ")));
+    }
+  }
 }
 
 TEST(RunProgram, DrawsWhatItRan) {

@@ -866,7 +866,13 @@ TEST(Picture, BandOfASpreadLiesAroundTheMeanWithinTheAxes) {
   }
   if (std::system("command -v gnuplot > /dev/null 2>&1") != 0) GTEST_SKIP() << "gnuplot is not installed";
   const Folder folder;
+  table.seeds = 1;  // has no spread
+  draw(table, "drift_m", folder / ".");
+  for (const char* words : {"worst", "deviation", "seeds"})
+    EXPECT_EQ(read_text(folder / "drift_m.svg").find(words), std::string::npos) << words;
+  table.seeds = 3;
   EXPECT_EQ(draw(table, "drift_m", folder / "."), fmt::format("{0}/drift_m.png, {0}/drift_m.svg", folder / "."));
+  EXPECT_NE(read_text(folder / "drift_m.svg").find("worst seed"), std::string::npos);
   const std::vector<test::DrawnShape> drawn = test::shapes_of(read_text(folder / "drift_m.svg"));
   const std::vector<test::Box> axes = test::axes_in(drawn);
   ASSERT_EQ(axes.size(), 1U);

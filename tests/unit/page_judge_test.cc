@@ -68,6 +68,10 @@ TEST(PageJudge, AHandThatHasBeenPaidBeyondItsBudgetIsNotPassive) {
   s.hand_energy_j = -1.1e-3;
   judge.add(s);
   EXPECT_EQ(judge.verdict().kind, PageVerdict::Kind::not_passive);
+  EXPECT_EQ(judge.verdict().reason, "the hand has got 0.1 mJ more than it has put in and E(0)");
+  s.hand_energy_j = -31.101;
+  judge.add(s);
+  EXPECT_EQ(judge.verdict().reason, "the hand has got 31.10 J more than it has put in and E(0)");
 }
 
 TEST(PageJudge, ADebtOfAnEarlierMethodIsNotHeldAgainstTheNext) {

@@ -57,6 +57,7 @@ export interface Introduction {
   grip_n_per_m: number;
   grip_limits_n_per_m: [number, number];
   motion_scale: number;
+  force_scale: number;
   limits: string[]; // names, by bit of a sample's `limits`
   linked: boolean;
   to_slave: Network;

@@ -12,6 +12,22 @@ const MODES = ['no partner', 'coupled', 'holding', 'released', 'waiting for a ha
 const ENDED = 6;
 const OLD_MS = 300; // a value of this age looks old
 const LIMIT_SHOWN_MS = 1000;
+const LIMIT_WORDS: Record<string, string> = {
+  'force': 'force or torque at the own hardware',
+  'force rate': 'its change',
+  'power': 'power into the own hardware',
+  'speed': 'the hardware is too fast',
+  'set point step': "change of the robot's set point in a tick",
+  'workspace': 'hardware or set point is beyond it',
+  'peer motion': 'position or velocity that the other side reports',
+  'peer force': 'force that the other side reports',
+  'peer energy': 'energy that the other side reports',
+  'pause': 'this side has stood still, and the coupling began anew',
+};
+const FIGURE_WORDS: Record<string, string> = {
+  contact_spring_share: "Share of the spring in all axes in the master's model of the contact; 0 without such a model",
+};
+const PRESS_N = 0.5, MUTED_SHARE = 0.1, MUTED_FOR_S = 1; // a press of which next to nothing is felt
 const HOME_M_PER_S = 0.12; // and faster where it is far:
 const HOME_S = 1.5;
 const HOME_PATIENCE_S = 1.5, HOME_REST_S = 0.5;
@@ -179,7 +195,7 @@ class Page {
     this.figures = scene.layer_figures.filter(([, , dof]) => scene.linked && scene.dof >= dof);
     for (const [name] of this.figures) {
       const title = name[0]!.toUpperCase() + name.slice(1).replaceAll('_', ' ');
-      const row = `<div class="layer-figure"><dt>${title}</dt><dd><output id="${name}">–</output></dd></div>`;
+      const row = `<div class="layer-figure" title="${FIGURE_WORDS[name] ?? ''}"><dt>${title}</dt><dd><output id="${name}">–</output></dd></div>`;
       element('round-trip-row').insertAdjacentHTML('beforebegin', row);
     }
   }
@@ -249,6 +265,8 @@ class Page {
     const { right, up } = viewsFor(scene)[0]!, along = (axis: Vec): number => -wall.normal!.reduce((sum, n, i) => sum + n * axis[i]!, 0);
     const [x, y] = [along(right), along(up)];
     this.tour = new Tour({
+      wall: wall.normal![2] > 0.9 ? 'table' : 'wall',
+      muted: () => this.muted,
       toWall: Math.abs(x) > Math.abs(y) ? (x > 0 ? 'to the right' : 'to the left') : y > 0 ? 'up' : 'down',
       limited: () => this.limitsSeen.length > 0,
       felt: () => (this.last ? Math.hypot(...this.first!.vector('felt_n')) : 0),
@@ -329,8 +347,11 @@ class Page {
     this.first!.badge(element('verdict'), old);
     const now = performance.now();
     this.limitsSeen = this.limitsSeen.filter((l) => l.at > now - LIMIT_SHOWN_MS);
-    const names = [...new Set(this.limitsSeen.map((l) => this.scene!.limits[l.bit] ?? '?'))];
-    state(element('limit'), names.length > 0 && !old ? `limit acts: ${names.join(', ').replaceAll('_', ' ')}` : '', 'warn');
+    const names = [...new Set(this.limitsSeen.map((l) => (this.scene!.limits[l.bit] ?? '?').replaceAll('_', ' ')))];
+    state(element('limit'), names.length > 0 && !old ? `limit acts: ${names.join(', ')}` : '', 'warn');
+    element('limit').title = names.map((name) => `${name}: ${LIMIT_WORDS[name] ?? ''}`).join('; ');
+    state(element('muted'), this.muted && !old ? 'press not felt' : '', 'warn');
+    element('muted').title = `${this.first!.method().split(",")[0]} holds no press here: less than a tenth of the force on the environment is felt. Other methods may hold it.`;
     this.first!.budget(element('gauge'), element('budget-left'), old);
     element('both-budget').hidden = !this.scene.linked;
     this.first!.bothBudget(element('both-gauge'), element('both-left'), old);
@@ -850,6 +871,7 @@ class Page {
       if (begins && this.scene!.leader) this.look();
       const limits = sample[this.layout.place('limits')]!;
       for (let bit = 0; limits > 0 && bit < 16; ++bit) if ((limits >> bit) & 1) this.limitsSeen.push({ at: this.receivedAt, bit });
+      this.watchPress();
       const late = sample[this.layout.place('late_us')]!;
       this.latest.push({ at: t, late });
       if (this.samples++ % PLOT_EVERY === 0) this.plots?.add(t, sample);
@@ -858,6 +880,18 @@ class Page {
     if (which > 0) return;
     const now = this.last![this.layout.place('t_s')]!;
     this.latest = this.latest.filter((x) => x.at > now - 1);
+  }
+
+  private press = { t: 0, pressed: 0, felt: 0, known_s: 0 }; // means of the last second [N], and when a press was last felt or absent
+  private muted = false;
+  private watchPress(): void {
+    const first = this.first!, t = first.number('t_s'), size = (name: string): number => Math.hypot(...first.vector(name)), p = this.press;
+    const now = Math.max(0, Math.min(1, (t - p.t) / MUTED_FOR_S)), share = MUTED_SHARE * this.scene!.force_scale * first.number('force');
+    p.pressed += now * (size('environment_n') - p.pressed);
+    p.felt += now * (size('felt_n') - p.felt);
+    if (!this.coupled || size('environment_n') < PRESS_N || share === 0 || p.felt > share * p.pressed || t < p.t) p.known_s = t;
+    p.t = t;
+    this.muted = t > p.known_s + MUTED_FOR_S + 1e-3 * Math.max(0, first.number('round_trip_ms'));
   }
 
   /** Shows both arms from the first frame on. */
@@ -901,6 +935,7 @@ class Page {
       if (name.endsWith('_share')) show(name, 100 * number(name), 0, '%');
       else show(name, number(name), 3, unit);
     element('picture').dataset.inView = String(first.inView());
+    element('picture').dataset.readable = String(first.picture.readable);
     element('picture').dataset.fromHome = String(1e3 * Math.max(Math.hypot(...this.robotFromHome()), this.scene!.leader ? 0 : Math.hypot(...this.handleFromHome())));
     this.followEnvironment();
     this.followWork();

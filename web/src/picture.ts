@@ -75,9 +75,22 @@ const tip = (x: number, y: number, ux: number, uy: number, long: number, wide: n
   [x - wide * uy, y + wide * ux],
   [x + wide * uy, y - wide * ux],
 ];
+/** Does the line from a to b cross the rectangle? */
+function crosses(a: Point, b: Point, left: number, top: number, right: number, bottom: number): boolean {
+  let from = 0, to = 1;
+  for (const [at, by, low, high] of [[a[0], b[0] - a[0], left, right], [a[1], b[1] - a[1], top, bottom]] as const) {
+    if (by === 0 && (at < low || at > high)) return false;
+    if (by === 0) continue;
+    const [first, last] = by > 0 ? [(low - at) / by, (high - at) / by] : [(high - at) / by, (low - at) / by];
+    from = Math.max(from, first);
+    to = Math.min(to, last);
+  }
+  return from <= to;
+}
 const PIXELS_PER_NEWTON = 12;
 const RADIANS_PER_NEWTON_METRE = 6; // of a torque's arc
 const LINE = 13; // pixels
+const EDGE = 14, TOP = 30; // pixels that an arrow keeps from the edge, and from the legend's
 const MARGIN = 24; // pixels in which hand and robot are not left
 
 export class Picture {
@@ -90,6 +103,10 @@ export class Picture {
   private readonly context: CanvasRenderingContext2D;
   private paper = ''; // colour behind it
   private written: { x: number; y: number; wide: number }[] = []; // words of this frame
+  private labels: { text: string; x: number; y: number; colour: string }[] = []; // that have yet to find a place
+  private shafts: [Point, Point][] = []; // of this frame's arrows
+  /** Has every arrow its head in the picture, and does each label stand there beside all of them? */
+  readable = true;
   private readonly space: Space | null = null;
 
   constructor(
@@ -191,6 +208,8 @@ export class Picture {
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.clearRect(0, 0, this.width, this.height);
     this.written = [];
+    this.labels = [];
+    this.shafts = [];
     if (this.space) this.space.draw(s, this.view, this.shown.centre, this.shown.scale, this.width, this.height);
     this.grid(colour('--grid'), colour('--muted'));
     for (const e of this.scene.environment) if (!this.space || e.kind === 'spring') this.element(e, s, colour('--surface'), colour('--surface-line'));
@@ -217,18 +236,32 @@ export class Picture {
     this.arc(s.hand, s.feltTorque, ofForce, 26);
     if (differ) this.arrow(s.hand, s.wanted, ofWanted, 'wanted', -44, true);
     this.arrow(s.hand, s.felt, ofForce, 'felt', -14);
+    this.readable = this.shafts.every(([, [x, y]]) => x >= EDGE - 1 && x <= this.width - EDGE + 1 && y >= TOP - 1 && y <= this.height - EDGE + 1);
+    c.font = '12px system-ui, sans-serif';
+    for (const label of this.labels) this.place(label);
   }
 
   private label(at: Vec, text: string, colour: string): void {
-    const c = this.context, [x, y] = this.point(at);
-    c.font = '12px system-ui, sans-serif';
-    this.words(text, Math.max(4, Math.min(x + 12, this.width - c.measureText(text).width - 4)), y + 34, colour);
+    const [x, y] = this.point(at);
+    this.labels.push({ text, x: x + 12, y: y + 34, colour });
   }
-  /** Text that is read on lines and solids too, below other words that would be there. */
+  /** At the line of text next to its place that no other words and no arrow have. */
+  private place({ text, x: wanted, y: near, colour }: { text: string; x: number; y: number; colour: string }): void {
+    const wide = this.context.measureText(text).width, x = Math.max(4, Math.min(wanted, this.width - wide - 4));
+    const lines = Array.from({ length: 40 }, (_, i) => near + (i % 2 ? -1 : 1) * Math.ceil(i / 2) * LINE);
+    const inside = lines.filter((y) => y >= TOP && y <= this.height - 4);
+    const free = inside.find(
+      (y) =>
+        !this.written.some((w) => Math.abs(w.y - y) < LINE && x < w.x + w.wide && w.x < x + wide) &&
+        !this.shafts.some(([a, b]) => crosses(a, b, x - 3, y - LINE, x + wide + 3, y + 4)),
+    );
+    if (free === undefined) this.readable = false;
+    this.words(text, x, free ?? inside[0] ?? near, colour);
+  }
+  /** Text that is read on lines and solids too. */
   private words(text: string, x: number, y: number, colour: string): void {
-    const c = this.context, wide = c.measureText(text).width;
-    while (this.written.some((w) => Math.abs(w.y - y) < LINE && x < w.x + w.wide && w.x < x + wide)) y += LINE;
-    this.written.push({ x, y, wide });
+    const c = this.context;
+    this.written.push({ x, y, wide: c.measureText(text).width });
     c.lineWidth = 3;
     c.lineJoin = 'round';
     c.strokeStyle = this.paper;
@@ -397,22 +430,20 @@ export class Picture {
     if (size < 0.02) return;
     const c = this.context, [x, y] = this.point(from);
     let dx = dot(force, this.view.right) * PIXELS_PER_NEWTON, dy = -dot(force, this.view.up) * PIXELS_PER_NEWTON;
-    const length = Math.hypot(dx, dy), most = 0.4 * this.width;
-    if (length > most) {
-      dx *= most / length;
-      dy *= most / length;
-    }
-    const y0 = y + (this.scene.dof === 1 ? offset : 0);
-    const shown = Math.hypot(dx, dy) || 1, ux = dx / shown, uy = dy / shown;
+    const length = Math.hypot(dx, dy) || 1, ux = dx / length, uy = dy / length, y0 = y + (this.scene.dof === 1 ? offset : 0);
+    // A large force ends where head and number are still seen.
+    const room = (at: number, by: number, least: number, most: number): number => (by > 0 ? (most - at) / by : by < 0 ? (least - at) / by : Infinity);
+    const drawn = Math.max(0, Math.min(length, 0.4 * this.width, room(x, ux, EDGE, this.width - EDGE), room(y0, uy, TOP, this.height - EDGE)));
+    dx = drawn * ux;
+    dy = drawn * uy;
     if (hollow) c.setLineDash([5, 4]);
     this.stroke(colour, hollow ? 2 : 3, [[x, y0], [x + dx, y0 + dy]]);
     c.setLineDash([]);
-    if (shown > 6) this.fill(colour, 1, tip(x + dx, y0 + dy, ux, uy, 8, 5));
+    if (length > 6) this.fill(colour, 1, tip(x + dx, y0 + dy, ux, uy, 8, 5));
+    this.shafts.push([[x, y0], [x + dx, y0 + dy]]);
     c.font = '12px system-ui, sans-serif';
     const text = `${size.toFixed(2)} N ${name}`;
-    const wide = c.measureText(text).width;
-    const left = Math.min(Math.max(4, x + dx + (ux < 0 ? -wide - 12 : 12)), this.width - wide - 4);
-    this.words(text, left, y0 + dy + (offset > 0 ? 18 : hollow ? -24 : -10), colour);
+    this.labels.push({ text, x: x + dx + (ux < 0 ? -c.measureText(text).width - 12 : 12), y: y0 + dy + (offset > 0 ? 18 : hollow ? -24 : -10), colour });
   }
 
   /** A torque: an arc about its axis, as long as it is large. */
@@ -425,9 +456,7 @@ export class Picture {
     const [x, y] = place(angle), [bx, by] = place(angle - 0.3), length = Math.hypot(x - bx, y - by) || 1;
     this.stroke(colour, 2.5, Array.from({ length: 25 }, (_, k) => place((angle * k) / 24)));
     this.fill(colour, 1, tip(x, y, (x - bx) / length, (y - by) / length, 6, 4));
-    const c = this.context;
-    c.font = '12px system-ui, sans-serif';
-    this.words(`${size.toFixed(2)} N m`, x + 10, y + 4, colour);
+    this.labels.push({ text: `${size.toFixed(2)} N m`, x: x + 10, y: y + 4, colour });
   }
 
   private legend(text: string, entries: [string, string][]): void {

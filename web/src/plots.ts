@@ -15,6 +15,7 @@ export interface PlotSpec {
 
 const SPAN_S = 10;
 const HEIGHT = 112; // pixels
+const SPACE = 18; // pixels from tick to tick at least: increments double at most, so that two of them have room
 const POINTS = 1300; // of SPAN_S at the plots' rate
 
 /** A curve that is constant lies in the middle. */
@@ -67,7 +68,7 @@ export class Plots {
           ],
           axes: [
             { ...axis, size: 24, values: (_u: uPlot, ticks: number[]) => ticks.map((x) => `${+x.toFixed(1)} s`) },
-            { ...axis, size: 46, space: 22, values: (_u: uPlot, ticks: number[]) => ticks.map((x) => String(+x.toPrecision(6))) },
+            { ...axis, size: 46, space: SPACE, values: (_u: uPlot, ticks: number[]) => ticks.map((x) => String(+x.toPrecision(6))) },
           ],
         },
         [[], ...spec.curves.map(() => [])],

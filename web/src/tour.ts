@@ -6,6 +6,8 @@ import { element } from './session';
 
 export interface Guided {
   toWall: string; // where the hand must go
+  wall: string; // what is there, in a word
+  muted(): boolean; // does the hand feel next to nothing of a press?
   held(): boolean;
   felt(): number; // [N]
   limited(): boolean; // does a limit act?
@@ -25,6 +27,7 @@ interface Step {
   from: [number, number]; // delay [ms] and method
   act?: { name: string; to: [number, number] };
   limited?: string; // said while a limit acts
+  muted?: string; // said while the press is not felt
   done(): boolean;
 }
 
@@ -43,9 +46,10 @@ export class Tour {
     const late = (): boolean => page.roundTrip() > 1.8 * DELAY_MS, bad = (): boolean => ['unstable', 'not passive'].includes(page.told().verdict);
     this.steps = [
       {
-        name: 'A wall.',
-        text: `${drag} ${page.toWall} until the robot presses the wall: you move the robot, and the green arrow is its force coming back to you.`,
+        name: `A ${page.wall}.`,
+        text: `${drag} ${page.toWall} until the robot presses the ${page.wall}: you move the robot, and the green arrow is its force coming back to you.`,
         from: [0, 0],
+        muted: ` ${cure} holds no press here: passive, and next to nothing is felt. Choose another method.`,
         done: () => page.felt() > 1 && page.pressed() > 1,
       },
       {
@@ -57,7 +61,7 @@ export class Tour {
       },
       {
         name: 'No control.',
-        text: 'Choose NONE, press the wall and hold still: the late force pushes at the wrong moment, so the link gives energy to the hand that nobody has put in, and the badge turns red.',
+        text: `Choose NONE, press the ${page.wall} and hold still: the late force pushes at the wrong moment, so the link gives energy to the hand that nobody has put in, and the badge turns red.`,
         from: [DELAY_MS, 0],
         limited: ' Press less: a force at its limit cannot swing.',
         act: { name: 'Choose NONE', to: [DELAY_MS, without] },
@@ -65,14 +69,14 @@ export class Tour {
       },
       {
         name: 'The cure.',
-        text: `Choose ${cure} and press the wall again over the same delay: it stays calm.`,
+        text: `Choose ${cure} and press the ${page.wall} again over the same delay: it stays calm.`,
         from: [DELAY_MS, without],
         act: { name: `Choose ${cure}`, to: [DELAY_MS, 0] },
         done: () => page.method() === 0 && late() && page.felt() > 1 && page.told().verdict === 'passive',
       },
       {
         name: 'The budget.',
-        text: 'Press the wall and let go, three times, and watch the gauge: the hand is thrown back with what it has put in and, at most, this little energy E(0), up to the mark, however long the delay.',
+        text: `Press the ${page.wall} and let go, three times, and watch the gauge: the hand is thrown back with what it has put in and, at most, this little energy E(0), up to the mark, however long the delay.`,
         from: [DELAY_MS, 0],
         done: () => this.presses >= PRESSES && !bad(),
       },
@@ -109,7 +113,8 @@ export class Tour {
     const step = this.steps[this.at];
     if (!step) return;
     const begun = this.page.begun(), done = begun && (this.reached || step.done());
-    const text = begun ? step.text + ((!done && this.page.limited() && step.limited) || '') : 'Hand and robot go back to where they began.';
+    const more = (this.page.muted() && step.muted) || (!done && this.page.limited() && step.limited) || '';
+    const text = begun ? step.text + more : 'Hand and robot go back to where they began.';
     if (element('tour-text').textContent !== text) element('tour-text').textContent = text;
     if (!begun || this.reached) return;
     if (this.page.pressed() > 0.5) this.touches = true;

@@ -21,6 +21,19 @@ TEST(SceneFile, IsReadWithItsRecordedDelaysBesideIt) {
   EXPECT_TRUE(s.to_master.recorded_delay_s.empty());
 }
 
+// The median, which a few late packets do not move; with a playout buffer the least delay and the buffer's.
+TEST(SceneFile, TheRoundTripOfRecordedDelaysIsThatOfNearlyEveryPacket) {
+  const Folder folder;
+  folder.write("lab.textproto", kStiffWall);
+  folder.write("delays.txt", "10\n11\n12\n13\n900");
+  const auto round_trip_s = [&](const std::string& playout) {
+    const Overrides o{"to_slave={ trace_file: \"delays.txt\" " + playout + " }", "to_master.delay_ms=5"};
+    return load_scene(folder / "lab.textproto", o).control.known.round_trip.si();
+  };
+  EXPECT_NEAR(round_trip_s(""), 0.017, 1e-12);
+  EXPECT_NEAR(round_trip_s("playout_ms: 20"), 0.035, 1e-12);
+}
+
 TEST(SceneFile, ALinkIsReadWithTheRowsOfEachDirection) {
   const Folder folder;
   folder.write("lab.textproto", kStiffWall);
