@@ -59,7 +59,7 @@ struct RegistrationOptions {
 /// What a scene says of the system that is coupled, for the gain rules of methods. Filled by tell_system
 /// (common/scene/load.h). 0: not known.
 struct KnownSystem {
-  Seconds round_trip{};  ///< nominal: control.passivity.round_trip_ms, else the mean delays of both directions
+  Seconds round_trip{};  ///< nominal: control.passivity.round_trip_ms, else the delays of both directions
   Seconds master_tick{}, slave_tick{};
   double device_damping_n_s_per_m = 0.0, device_rotational_damping_n_m_s_per_rad = 0.0;
   double robot_mass_kg = 0.0, robot_inertia_kg_m2 = 0.0;  ///< the smallest principal moment
