@@ -17,7 +17,7 @@ foreach(program twoport-master twoport-slave twoport-lab twoport-device twoport-
   install(FILES cmake/packaging/twoport.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME ${program})
 endforeach()
 install(DIRECTORY scenes arms DESTINATION ${CMAKE_INSTALL_DATADIR}/twoport COMPONENT scenes
-        FILES_MATCHING PATTERN "*.textproto" PATTERN "*.csv" PATTERN "*.urdf")
+        FILES_MATCHING PATTERN "*.textproto" PATTERN "*.csv" PATTERN "*.urdf" PATTERN "*.stl")
 install(DIRECTORY docs/examples/play DESTINATION ${CMAKE_INSTALL_DATADIR}/twoport COMPONENT scenes)
 install(PROGRAMS scripts/play DESTINATION ${CMAKE_INSTALL_BINDIR} RENAME twoport-play)
 install(DIRECTORY docs/examples DESTINATION ${CMAKE_INSTALL_DOCDIR})

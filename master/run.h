@@ -49,7 +49,7 @@ struct Master {
   [[nodiscard]] Metrics<N> metrics(Energy initial, KnownParts known) const {
     const DeviceTruth<N>* truth = hardware.truth();
     // The end of a person's path is not known.
-    const double rests_from_s = truth ? truth->path_ends_s : std::numeric_limits<double>::infinity();
+    const double rests_from_s = truth ? truth->path_ends_s : std::numeric_limits<double>::quiet_NaN();
     if (truth) known.rests = rests(scene);
     const bool link = scene.control.architecture != Architecture::render;
     known.account = keeps_account(scene.control, scene.schedule);

@@ -110,6 +110,54 @@ std::unique_ptr<Controller> make_controller(int dof, bool joints, const std::str
   });
 }
 
+class Spring {
+ public:
+  using PythonClass = void;
+  virtual ~Spring() = default;
+  virtual py::array_t<double> step(const py::object& wanted, const py::object& input) = 0;
+  [[nodiscard]] virtual double energy_j() const = 0;
+  [[nodiscard]] virtual double share() const = 0;
+};
+
+template <int N>
+class SpringOf final : public Spring {
+ public:
+  SpringOf(const EnergySpringOptions& o, Seconds dt, int count)
+      : port_{Given<Force<N>, Velocity<N>>{&wanted_}, o}, dt_{dt}, count_{count} {}
+  SpringOf(const SpringOf&) = delete;
+  SpringOf& operator=(const SpringOf&) = delete;
+
+  py::array_t<double> step(const py::object& wanted, const py::object& input) override {
+    const Force<N> f{numbers_from<N>(wanted, "wanted", count_)};
+    const Velocity<N> v{numbers_from<N>(input, "input", count_)};
+    if (!all_finite(f, v)) throw ConfigError{"wanted and input must be finite"};
+    wanted_ = f;
+    return to_array(port_.step(v, dt_).vec(), count_);
+  }
+  [[nodiscard]] double energy_j() const override { return port_.energy().si(); }
+  [[nodiscard]] double share() const override { return port_.share(); }
+
+ private:
+  Force<N> wanted_{};
+  Passivated<Given<Force<N>, Velocity<N>>, EnergySpringOptions> port_;
+  Seconds dt_;
+  int count_;
+};
+
+std::unique_ptr<Spring> make_spring(int dof, double stiffness, double initial_energy_j, bool joints, double mass_kg,
+                                    double rotational_stiffness, double inertia_kg_m2, double dt_s) {
+  const EnergySpringOptions o{
+      .stiffness_n_per_m = positive("stiffness_n_per_m", stiffness),
+      .rotational_stiffness_n_m_per_rad = not_negative("rotational_stiffness_n_m_per_rad", rotational_stiffness),
+      .mass_kg = not_negative("mass_kg", mass_kg),
+      .inertia_kg_m2 = not_negative("inertia_kg_m2", inertia_kg_m2),
+      .initial = Energy{positive("initial_energy_j", initial_energy_j)}};
+  const Seconds dt{positive("dt_s", dt_s)};
+  if (dof == 6 && !joints) positive("rotational_stiffness_n_m_per_rad, of dof 6,", rotational_stiffness);
+  return for_port(dof, joints,
+                  [&]<int N>() -> std::unique_ptr<Spring> { return std::make_unique<SpringOf<N>>(o, dt, dof); });
+}
+
 class PortObserver {
  public:
   using PythonClass = void;
@@ -213,6 +261,30 @@ input: velocity [m/s] or force [N], the mean since the last step;  dt_s: time si
                              "Dissipated by the last step, over the coming interval, as predicted by out.in [J].")
       .def_property_readonly("undissipated_j", &Controller::undissipated_j,
                              "Deficit that the last step could not dissipate; it stays in the account [J].");
+
+  py::class_<Spring>(module, "EnergySpring",
+                     R"(The force of an element of your own, limited to that of a spring that holds the port's energy.
+
+    E(k) = E(k-1) + f(k-1).v(k) T        v: mean velocity of the interval that has just ended
+    f(k) = s wanted(k),  0 <= s <= 1     |f| <= sqrt(2 K (E + E(0))), and what the coming interval returns <= E + E(0)
+
+E >= -E(0), with the mass known for any hand that changes its force by no more than 20 N within two ticks. Positive f.v goes into the element:
+the hand feels -f. The direction is kept.
+
+dof: 1, 3 or 6; joints=True: the number of joints, 1 to 8, scaled as for PassivityController.
+stiffness_n_per_m: K, no less than the element's. initial_energy_j: E(0) > 0 [J]. dt_s: of every step [s].
+mass_kg, inertia_kg_m2: of the handle; 0: not known. rotational_stiffness_n_m_per_rad: above 0 with dof 6.
+Errors: ValueError. Source: docs/reference/energy-bound.md, common/passivity/passivated.h.)")
+      .def(py::init(&make_spring), "dof"_a, py::kw_only(), "stiffness_n_per_m"_a, "initial_energy_j"_a,
+           "joints"_a = false, "mass_kg"_a = 0.0, "rotational_stiffness_n_m_per_rad"_a = 0.0, "inertia_kg_m2"_a = 0.0,
+           "dt_s"_a = 1e-3)
+      .def("step", &Spring::step, "wanted"_a, "input"_a,
+           R"(The force to apply until the next step.
+
+wanted: what the element answers [N], dof 6: [N], [N m];  input: velocity, the mean since the last step [m/s], [rad/s])")
+      .def("__reduce_ex__", not_pickled("an EnergySpring cannot be copied or pickled"))
+      .def_property_readonly("energy_j", &Spring::energy_j, "E + E(0), not below 0 within the claim [J].")
+      .def_property_readonly("share", &Spring::share, "s of the last step.");
 }
 
 }  // namespace twoport::python

@@ -218,8 +218,11 @@ Endpoint parse_allowed_endpoint(std::string_view text, std::string_view option, 
   if (has_key || insecure || endpoint.loopback()) return endpoint;
   throw ConfigError(std::string{option} + " " + std::string{text} +
                     ": without a key only addresses of this machine are allowed (127.0.0.1, [::1]); make a key with "
-                    "twoport-keygen FILE and start both programs with --key FILE, or accept with --insecure that "
-                    "anyone who reaches the address can take over");
+                    "twoport-keygen FILE and start both programs with " +
+                    (option.starts_with("--")
+                         ? "--key FILE, or accept with --insecure that anyone who reaches the address "
+                           "can take over"
+                         : "key=FILE"));
 }
 
 StopInput::StopInput(std::uint16_t port) : fd_{::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)} {

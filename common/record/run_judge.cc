@@ -88,7 +88,9 @@ Verdict RunJudge<N>::verdict() const {
     const double paid = -(known_.initial_energy_j + energy_j_);
     return {VerdictKind::undecided,
             "undecided: " + (paid > 0.0 ? fmt::format("the hand has been paid {:.4g} J, but ", paid) : std::string{}) +
-                "the hand moves to the end; a rest at the end of the run would decide it"};
+                (std::isnan(known_.quiet_from_s)
+                     ? "when the hand rests is not known"
+                     : "the hand moves to the end; a rest at the end of the run would decide it")};
   }
   const double after_s = static_cast<double>(after_->ticks()) / known_.rate_hz;
   return judge({.record = *after_,

@@ -27,7 +27,7 @@ class RunJudge {
   struct Known {
     double rate_hz;
     double duration_s;                       ///< planned; infinity: until somebody ends it
-    double quiet_from_s;                     ///< when the operator's path ends; infinity: not known, or never
+    double quiet_from_s;                     ///< when the operator's path ends; infinity: never, NaN: not known
     double initial_energy_j = 0.0;           ///< E(0)
     bool controller = false;                 ///< there is a passivity controller
     bool unseen = false;                     ///< one at the other side may act, and the rows do not say so
@@ -110,7 +110,7 @@ class RunJudge {
   }
   void see(const Row<N>& row) noexcept {
     energy_j_ = row.master_energy_j;
-    if (row.t_s < known_.quiet_from_s) return;
+    if (!(row.t_s >= known_.quiet_from_s)) return;
     Speeds v = velocities(row);
     auto what = events(row);
     if (!known_.of_master && !known_.at_robot) std::fill_n(v.begin(), N, 0.0);

@@ -156,6 +156,25 @@ class PassivityController:
     @property
     def undissipated_j(self) -> float: ...
 
+class EnergySpring:
+    def __init__(
+        self,
+        dof: int,
+        *,
+        stiffness_n_per_m: float,
+        initial_energy_j: float,
+        joints: bool = False,
+        mass_kg: float = 0.0,
+        rotational_stiffness_n_m_per_rad: float = 0.0,
+        inertia_kg_m2: float = 0.0,
+        dt_s: float = 1e-3,
+    ) -> None: ...
+    def step(self, wanted: ArrayLike, input: ArrayLike) -> NDArray[np.float64]: ...
+    @property
+    def energy_j(self) -> float: ...
+    @property
+    def share(self) -> float: ...
+
 class Message:
     @property
     def dof(self) -> int: ...

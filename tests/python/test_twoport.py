@@ -864,13 +864,39 @@ class Controllers(unittest.TestCase):
             x += mean * dt
             f = max(0.0, 5000.0 * x)
             if controller is not None:
-                f = controller.step(f, mean, dt)[0]
+                f = controller.step(f, mean, dt)[0] if isinstance(controller, twoport.PassivityController) else controller.step(f, mean)[0]
         return f"left at {v:+.3f} m/s after +0.300, energy {1e3 * into:+.3f} mJ, smallest {1e3 * least:+.3f} mJ"
 
     def test_an_own_wall_is_as_passive_as_in_cpp(self):
         guide = re.sub(" +", " ", (ROOT / "docs/guides/wrap-your-own-element.md").read_text())
         self.assertIn("plain " + self.bounce(None), guide)
         self.assertIn("passivated " + self.bounce(twoport.PassivityController(1)), guide)
+        spring = twoport.EnergySpring(1, stiffness_n_per_m=5000, initial_energy_j=10e-6, mass_kg=0.075)
+        self.assertIn("spring " + self.bounce(spring), guide)
+
+    def test_the_energy_spring_keeps_the_direction_and_the_energy(self):
+        rng = np.random.default_rng(2)
+        for dof, joints in ((3, False), (6, False), (7, True)):
+            spring = twoport.EnergySpring(dof, stiffness_n_per_m=1000, initial_energy_j=1e-3, joints=joints, mass_kg=0.2,
+                                          rotational_stiffness_n_m_per_rad=1, inertia_kg_m2=2e-4)
+            m = np.where(np.arange(dof) >= 3, 2e-4, 0.2) if dof == 6 else np.full(dof, 0.2)
+            f, v, energy, shares = np.zeros(dof), np.zeros(dof), 0.0, []
+            for k in range(2000):
+                hand = m * np.sin(0.03 * k + np.arange(dof)) * 5
+                before, v = v, v + (hand - f) / m * 1e-3
+                mean = 0.5 * (before + v)
+                energy += f @ mean * 1e-3
+                wanted = m * rng.normal(size=dof) * 20
+                f = spring.step(wanted, mean)
+                self.assertLess(np.linalg.norm(f - spring.share * wanted), 1e-12)
+                shares.append(spring.share)
+                self.assertGreaterEqual(energy, -1e-3 - 1e-9)
+                if k: self.assertAlmostEqual(spring.energy_j, 1e-3 + energy, delta=1e-9)
+            self.assertLess(min(shares), 0.9)
+        with self.assertRaisesRegex(ValueError, "initial_energy_j"):
+            twoport.EnergySpring(1, stiffness_n_per_m=1000, initial_energy_j=0)
+        with self.assertRaisesRegex(ValueError, "rotational_stiffness"):
+            twoport.EnergySpring(6, stiffness_n_per_m=1000, initial_energy_j=1e-3)
 
     def test_the_controller_keeps_the_direction_and_the_energy(self):
         rng = np.random.default_rng(1)

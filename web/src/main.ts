@@ -293,7 +293,7 @@ class Page {
     if (told.end !== null) {
       const summary = told.end.replace(/^(\w+): \1: /i, '$1: ');
       element('ended').textContent =
-        this.scene!.pointer && /hand moves to the end/.test(summary)
+        this.scene!.pointer && /hand (moves to the end|rests is not known)/.test(summary)
           ? `The run is over${/interrupted/.test(summary) ? ', interrupted' : ''}: ${told.verdict}. The summary says UNDECIDED: it knows the rests of a scene's own hand only.`
           : `The run is over. ${summary}.`;
       element('ended').hidden = false;
