@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/hardware/admittance.h"
 #include "common/hardware/registry.h"
 #include "common/hardware/virtual_robot.h"
@@ -82,13 +83,15 @@ class World {
   explicit World(const std::string& arguments) : World{arguments, parse(arguments)} {}
 
   [[nodiscard]] std::string name() const { return std::string{"MuJoCo: "} + model_->names; }
-  /// Of the tool's point by the joints: translation first, world axes.
+  /// Of the tool's point by the joints: translation first, world axes. 0 for a joint that hardly moves it (kLeastMotion).
   [[nodiscard]] Eigen::MatrixXd jacobian() const {
     Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor> linear{3, model_->nv}, angular{3, model_->nv};
     const Vector3d at = point();
     mj_jac(model_.get(), data_.get(), linear.data(), angular.data(), at.data(), body_);
     Eigen::MatrixXd J{6, model_->nv};
     J << linear, angular;
+    for (int i = 0; i < model_->nv; ++i)
+      if (!moves(i, J.col(i).norm())) J.col(i).setZero();
     return J;
   }
 
@@ -105,10 +108,7 @@ class World {
   template <int axes>
   void want(const Eigen::Isometry3d& pose) noexcept {
     if (mocap_ >= 0) {
-      const Eigen::Isometry3d at = pose * weld_;
-      const Eigen::Quaterniond q{at.linear()};
-      Eigen::Map<Vector3d>{data_->mocap_pos + 3 * mocap_} = at.translation();
-      Eigen::Map<Eigen::Vector4d>{data_->mocap_quat + 4 * mocap_} = Eigen::Vector4d{q.w(), q.x(), q.y(), q.z()};
+      place_mocap(pose);
       return;
     }
     std::copy_n(data_->qpos, model_->nq, wanted_->qpos);
@@ -208,6 +208,18 @@ class World {
   }
 
  private:
+  /// A joint that a position servo drives: ctrl = scale q + offset.
+  struct ServoJoint {
+    int actuator, q, dof;
+    double scale, offset, q_wanted;
+  };
+
+  /// Does a joint of this lever move the tool? Its mass, damping and spring are counted, not its servo.
+  [[nodiscard]] bool moves(int dof, double lever) const noexcept {
+    constexpr double kForce = 100.0, kLeastMotion = 1e-3;  // in 1 s [N, m; N m, rad]
+    const double holds = model_->dof_M0[dof] + model_->dof_damping[dof] + model_->jnt_stiffness[model_->dof_jntid[dof]];
+    return kForce * lever * lever >= kLeastMotion * holds;
+  }
   [[nodiscard]] Vector3d point_of(const mjData* d) const noexcept {
     return Eigen::Map<const Vector3d>{site_ >= 0 ? d->site_xpos + 3 * site_ : d->xpos + 3 * body_};
   }
@@ -230,10 +242,7 @@ class World {
       : model_{load(arguments, a)}, data_{*model_}, wanted_{*model_} {
     choose_tool(arguments, a.site);
     if (!a.key.empty()) {
-      const int key = mj_name2id(model_.get(), mjOBJ_KEY, a.key.c_str());
-      if (key < 0)
-        refuse(arguments, "no keyframe \"" + a.key + "\"; there are: " + list(model_->nkey, model_->name_keyadr));
-      mj_resetDataKeyframe(model_.get(), data_.get(), key);
+      mj_resetDataKeyframe(model_.get(), data_.get(), keyframe(arguments, a.key));
     }
     mj_forward(model_.get(), data_.get());
     // The tool is what is welded to its body, and what hangs on that.
@@ -247,6 +256,18 @@ class World {
     find_weld(arguments);
   }
 
+  /// By its name, or its number from 0.
+  [[nodiscard]] int keyframe(const std::string& arguments, const std::string& name) const {
+    int key = mj_name2id(model_.get(), mjOBJ_KEY, name.c_str());
+    for (int i = 0; key < 0 && i < model_->nkey; ++i)
+      if (name == std::to_string(i)) key = i;
+    if (key < 0)
+      refuse(arguments, model_->nkey == 0
+                            ? "the model has no keyframes"
+                            : fmt::format("no keyframe \"{}\"; there are {}, by name or number from 0: {}", name,
+                                          model_->nkey, list(model_->nkey, model_->name_keyadr)));
+    return key;
+  }
   [[nodiscard]] std::string name_of(mjtObj kind, int id) const {
     const char* const name = mj_id2name(model_.get(), kind, id);
     return name != nullptr ? "\"" + std::string{name} + "\"" : "number " + std::to_string(id);
@@ -258,11 +279,29 @@ class World {
     return body != 0 && (at == body || of_tool_[static_cast<std::size_t>(body)]);
   }
 
+  /// Empty: the actuator is no position servo of a joint.
+  [[nodiscard]] std::optional<ServoJoint> servo(int a) const {
+    const double* const bias = model_->actuator_biasprm + static_cast<std::ptrdiff_t>(a) * mjNBIAS;
+    const double gain = model_->actuator_gainprm[static_cast<std::ptrdiff_t>(a) * mjNGAIN];
+    if (const int of = model_->actuator_trntype[a]; of != mjTRN_JOINT && of != mjTRN_JOINTINPARENT) return {};
+    const int joint = model_->actuator_trnid[static_cast<std::ptrdiff_t>(a) * 2], q = model_->jnt_qposadr[joint];
+    const bool one = model_->jnt_type[joint] == mjJNT_HINGE || model_->jnt_type[joint] == mjJNT_SLIDE;
+    if (!one || model_->actuator_dyntype[a] != mjDYN_NONE || model_->actuator_gaintype[a] != mjGAIN_FIXED ||
+        model_->actuator_biastype[a] != mjBIAS_AFFINE || bias[1] >= 0.0 || gain <= 0.0)
+      return {};
+    return ServoJoint{.actuator = a,
+                      .q = q,
+                      .dof = model_->jnt_dofadr[joint],
+                      .scale = -bias[1] * model_->actuator_gear[static_cast<std::ptrdiff_t>(a) * 6] / gain,
+                      .offset = -bias[0] / gain,
+                      .q_wanted = data_->qpos[q]};
+  }
   /// The actuators of the joints that move the tool. Torque motors hold nothing; position servos are driven by set points; others
-  /// would hold the tool, and are refused.
+  /// would hold the tool, and are refused. Position servos of other joints hold them where they start, unless the start has controls.
   void find_servos(const std::string& arguments) {
     bool held = false;
     std::string why;
+    const bool without_controls = std::all_of(data_->ctrl, data_->ctrl + model_->nu, [](double c) { return c == 0.0; });
     for (int a = 0; a < model_->nu; ++a) {
       const double* const moment = data_->actuator_moment + static_cast<std::ptrdiff_t>(a) * model_->nv;
       int dof = -1;
@@ -271,27 +310,18 @@ class World {
         while (at != 0 && at != model_->dof_bodyid[i]) at = model_->body_parentid[at];
         if (at != 0 && moment[i] != 0.0) dof = i;
       }
-      if (dof < 0 || model_->actuator_biastype[a] == mjBIAS_NONE) continue;
-      const double* const bias = model_->actuator_biasprm + static_cast<std::ptrdiff_t>(a) * mjNBIAS;
-      const double gain = model_->actuator_gainprm[static_cast<std::ptrdiff_t>(a) * mjNGAIN];
-      const bool of_joint =
-          model_->actuator_trntype[a] == mjTRN_JOINT || model_->actuator_trntype[a] == mjTRN_JOINTINPARENT;
-      const int joint = model_->dof_jntid[dof];
-      const bool one = model_->jnt_type[joint] == mjJNT_HINGE || model_->jnt_type[joint] == mjJNT_SLIDE;
-      const bool servo = of_joint && one && model_->actuator_dyntype[a] == mjDYN_NONE &&
-                         model_->actuator_gaintype[a] == mjGAIN_FIXED &&
-                         model_->actuator_biastype[a] == mjBIAS_AFFINE && bias[1] < 0.0 && gain > 0.0;
-      if (servo)
-        servos_.push_back({.actuator = a,
-                           .q = model_->jnt_qposadr[joint],
-                           .dof = dof,
-                           .scale = -bias[1] * model_->actuator_gear[static_cast<std::ptrdiff_t>(a) * 6] / gain,
-                           .offset = -bias[0] / gain,
-                           .q_wanted = data_->qpos[model_->jnt_qposadr[joint]]});
-      if (!servo && !held)
-        why = "the actuator " + name_of(mjOBJ_ACTUATOR, a) + " holds the joint " + name_of(mjOBJ_JOINT, joint) +
+      const std::optional<ServoJoint> of_joint = servo(a);
+      if (dof < 0) {
+        if (of_joint && without_controls) command(*of_joint);
+        continue;
+      }
+      if (model_->actuator_biastype[a] == mjBIAS_NONE) continue;
+      if (of_joint) servos_.push_back(*of_joint);
+      if (!of_joint && !held)
+        why = "the actuator " + name_of(mjOBJ_ACTUATOR, a) + " holds the joint " +
+              name_of(mjOBJ_JOINT, model_->dof_jntid[dof]) +
               ", which moves the tool, and is no position servo of it; ,actuators=off lets it go";
-      held = held || !servo;
+      held = held || !of_joint;
     }
     if (held) refuse(arguments, why);
     std::copy_n(data_->qpos, model_->nq, wanted_->qpos);
@@ -300,7 +330,7 @@ class World {
     driven_.setZero(6, static_cast<Eigen::Index>(servos_.size()));
     command_servos();
   }
-  /// A weld of what carries the tool to a mocap body is moved; other constraints of it are named.
+  /// A weld of what carries the tool to a mocap body is moved, from where it pulls at nothing; other constraints of it are named.
   void find_weld(const std::string& arguments) {
     for (int e = 0; e < model_->neq; ++e) {
       if (model_->eq_active[e] == 0 || (model_->eq_type[e] != mjEQ_WELD && model_->eq_type[e] != mjEQ_CONNECT))
@@ -311,7 +341,14 @@ class World {
       const bool of_tool = of_tool_[static_cast<std::size_t>(other == two ? one : two)];
       if (mocap >= 0 && model_->eq_type[e] == mjEQ_WELD && of_tool) {
         mocap_ = mocap;
-        weld_ = tool().inverse() * pose_of(data_->mocap_pos + 3 * mocap, data_->mocap_quat + 4 * mocap);
+        // By MuJoCo the first body holds an anchor of the second, and has a pose of that relative to it.
+        const double* const data = model_->eq_data + static_cast<std::ptrdiff_t>(e) * mjNEQDATA;
+        const Eigen::Isometry3d second_in_first =
+            pose_of(data + 3, data + 6) * Eigen::Translation3d{-Eigen::Map<const Vector3d>{data}};
+        const int held = other == two ? one : two;
+        const Eigen::Isometry3d body = pose_of(data_->xpos + 3 * held, data_->xquat + 4 * held);
+        weld_ = tool().inverse() * body * (other == two ? second_in_first : second_in_first.inverse());
+        place_mocap(tool());
       } else if (model_->body_weldid[other] == 0) {
         refuse(arguments,
                "the equality constraint " + name_of(mjOBJ_EQUALITY, e) +
@@ -320,13 +357,21 @@ class World {
       }
     }
   }
+  /// Where the weld pulls at nothing with the tool at that pose.
+  void place_mocap(const Eigen::Isometry3d& tool) noexcept {
+    const Eigen::Isometry3d at = tool * weld_;
+    const Eigen::Quaterniond q{at.linear()};
+    Eigen::Map<Vector3d>{data_->mocap_pos + 3 * mocap_} = at.translation();
+    Eigen::Map<Eigen::Vector4d>{data_->mocap_quat + 4 * mocap_} = Eigen::Vector4d{q.w(), q.x(), q.y(), q.z()};
+  }
   static Eigen::Isometry3d pose_of(const double* at, const double* wxyz) {
     return Eigen::Translation3d{at[0], at[1], at[2]} * Eigen::Quaterniond{wxyz[0], wxyz[1], wxyz[2], wxyz[3]};
   }
   [[nodiscard]] Eigen::Isometry3d tool() const noexcept { return Eigen::Translation3d{point()} * attitude(); }
 
+  void command(const ServoJoint& s) noexcept { data_->ctrl[s.actuator] = s.scale * s.q_wanted + s.offset; }
   void command_servos() noexcept {
-    for (const ServoJoint& s : servos_) data_->ctrl[s.actuator] = s.scale * s.q_wanted + s.offset;
+    for (const ServoJoint& s : servos_) command(s);
   }
 
   static std::shared_ptr<const mjModel> load(const std::string& arguments, const Arguments& a) {
@@ -334,6 +379,7 @@ class World {
     std::error_code none;
     if (!std::filesystem::is_regular_file(file, none))
       refuse(arguments, "there is no such file; give the path of a model in MJCF or URDF");
+    static_cast<void>(read_text(file, "--robot mujoco:" + arguments));  // refuses other encodings
     // They would write a file, and wait for a key.
     mju_user_warning = [](const char* words) { std::fprintf(stderr, "MuJoCo: %s\n", words); };
     mju_user_error = [](const char* words) {
@@ -357,7 +403,10 @@ class World {
   }
   [[nodiscard]] std::string list(int count, const int* names) const {
     std::string all;
-    for (int i = 0; i < count; ++i) all += (i > 0 ? ", " : "") + std::string{model_->names + names[i]};
+    for (int i = 0; i < count; ++i) {
+      const std::string name{model_->names + names[i]};
+      all += (i > 0 ? ", " : "") + (name.empty() ? std::to_string(i) : name);
+    }
     return all;
   }
   void choose_tool(const std::string& arguments, const std::string& site) {
@@ -447,11 +496,6 @@ class World {
     return sum;
   }
 
-  /// A joint of the tool's that a position servo drives: ctrl = scale q + offset.
-  struct ServoJoint {
-    int actuator, q, dof;
-    double scale, offset, q_wanted;
-  };
   using JointRows = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>;
 
   std::shared_ptr<const mjModel> model_;

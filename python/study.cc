@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <cstdint>
 #include <exception>
 #include <functional>
@@ -57,7 +58,13 @@ Strings overrides_from(const py::args& from) {
 
 SceneOfText parsed(std::string source, std::string text, Strings overrides) {
   SceneOfText s{std::move(source), std::move(text), std::move(overrides), {}};
-  s.scene = parse_scene(s.text, s.source, s.overrides);
+  try {
+    s.scene = parse_scene(s.text, s.source, s.overrides);
+  } catch (const ConfigError&) {
+    // One for hardware may leave the duration out.
+    s.scene = parse_scene(s.text, s.source, s.overrides, SceneFor::live);
+    if (std::isfinite(s.scene.duration_s)) throw;
+  }
   return s;
 }
 std::string path_from(const py::object& path) {
@@ -157,6 +164,7 @@ Result run_scene(const SceneOfText& s, bool trace, std::int64_t trace_every, con
   if (trace_every < 1) throw ConfigError{fmt::format("trace_every is {}; it must be 1 or more", trace_every)};
   if (verdict != "tail" && verdict != "plain")
     throw ConfigError{fmt::format("verdict is {}; it must be tail or plain", verdict)};
+  if (!std::isfinite(s.scene.duration_s)) static_cast<void>(parse_scene(s.text, s.source, s.overrides));  // refuses it
   std::shared_ptr<TraceTable> table, gripper_table;
   const double rate_hz = std::max(s.scene.master_rate_hz, s.scene.slave_rate_hz);
   const double rows = s.scene.duration_s * rate_hz / static_cast<double>(trace_every) + 1.0;
@@ -373,7 +381,8 @@ PATH=VALUE as for --set of the programs. Errors: ValueError with the programs' s
       .def_property_readonly("name", of_scene(&Scene::name), "Name of the scene.")
       .def_property_readonly("description", of_scene(&Scene::description), "Its description.")
       .def_property_readonly("dof", of_scene(&Scene::coordinates), kDof)
-      .def_property_readonly("duration_s", of_scene(&Scene::duration_s), "Length of a run [s].")
+      .def_property_readonly("duration_s", of_scene(&Scene::duration_s),
+                             "Length of a run [s]; infinite: not given, for live sides.")
       .def_property_readonly("master_rate_hz", of_scene(&Scene::master_rate_hz), "Rate of the master [Hz].")
       .def_property_readonly("slave_rate_hz", of_scene(&Scene::slave_rate_hz), "Rate of the slave [Hz].")
       .def_property_readonly("seed", of_scene(&Scene::seed), "Seed of all that is random.")

@@ -186,10 +186,9 @@ ArmParameters load_arm(const std::string& path, const std::string& tip) {
   ArmParameters arm = message.has_urdf() ? read_described(of, tip) : read_joints(of, tip);
   arm.source.assign(message.source().begin(), message.source().end());
   const auto joints = static_cast<int>(arm.joints.size());
-  of.require(FIELD(ready_position_rad), fmt::format("hold {} numbers", joints));
   of.need_length(FIELD(ready_position_rad), joints);
   arm.ready_position = numbers(of->ready_position_rad());
-  for (std::size_t i = 0; i < arm.joints.size(); ++i)
+  for (std::size_t i = 0; i < arm.ready_position.size(); ++i)
     if (!(arm.ready_position[i] >= arm.joints[i].lower && arm.ready_position[i] <= arm.joints[i].upper))
       of.refuse(FIELD(ready_position_rad),
                 fmt::format("lie within the joints' limits; number {} must be between {} and {}", i + 1,
@@ -244,7 +243,7 @@ ArmSpec read_arm(const Block<schema::Arm>& of) {
   const int joints = static_cast<int>(parameters->joints.size());
   const auto feedback = of.block(FIELD(force_feedback));
   if (parameters->ready_position.empty())
-    of.require(FIELD(joint_position_rad), fmt::format("hold {} numbers: a URDF names no position to begin at", joints));
+    of.require(FIELD(joint_position_rad), fmt::format("hold {} numbers: the arm's file names none", joints));
   of.need_length(FIELD(joint_position_rad), joints);
   ArmSpec arm{.parameters = parameters,
               .joint_position_rad = numbers(of->joint_position_rad()),

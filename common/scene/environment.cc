@@ -209,13 +209,17 @@ std::shared_ptr<const DistanceField> shared_field(const TriangleMesh& mesh, doub
 
 Mesh read_shape(const Block<schema::Mesh>& of) {
   const TriangleMesh mesh = read_triangles(of);
-  const double absent = sides_of(mesh).maxCoeff() / 100.0;
-  const double voxel_m = GIVEN(of, voxel_m).value_or(absent);
-  const double coarsest = sides_of(mesh).minCoeff() / 2.0;
+  const double longest = sides_of(mesh).maxCoeff(), thickness = sides_of(mesh).minCoeff(), coarsest = thickness / 2.0;
+  const double voxel_m = GIVEN(of, voxel_m).value_or(std::min(longest / 100.0, coarsest));
   if (!(voxel_m <= coarsest))
     of.refuse(FIELD(voxel_m), fmt::format("be at most {:.3g}, half of the mesh's shortest side", coarsest));
   const double nodes = DistanceField::nodes(mesh, voxel_m);
   constexpr double kMost = static_cast<double>(DistanceField::kMostNodes);
+  if (!(nodes <= kMost) && !of->has_voxel_m())
+    of.fail(
+        fmt::format("{} is {:.3g} m long and {:.3g} m thick; half of that as voxel_m makes {:.3g} samples of the "
+                    "distance, and {:g} are allowed: give a thicker part, or a box or capsule",
+                    of.path_of("file"), longest, thickness, nodes, kMost));
   if (!(nodes <= kMost))
     of.refuse(FIELD(voxel_m), fmt::format("make at most {:g} samples of the distance, and makes {:.3g}", kMost, nodes));
   return {.position_m = vector<3>(of->position_m()),

@@ -121,6 +121,23 @@ std::string unit_mistake(const pb::Message& block, const std::string& path) {
   return {};
 }
 
+/// Inertia of the robot that is that of no tool of its mass: all of it 0.5 m from an axis, or 3 mm.
+std::string inertia_mistake(const Scene& s) {
+  constexpr double kLeast = 1e-5, kMost = 0.25;  // of inertia/mass [m²]
+  if (!s.source || !(s.source->message.robot().mass_kg() > 0.0)) return {};
+  const double mass = s.source->message.robot().mass_kg();
+  for (const double inertia : s.source->message.robot().inertia_kg_m2()) {
+    const double ratio = inertia / mass;
+    if (!(inertia > 0.0) || (ratio >= kLeast && ratio <= kMost)) continue;
+    return fmt::format(
+        "robot.inertia_kg_m2 is {:g}, of {:g} kg that are {:.2g} m from the axis; inertias are in kg m², and {:g} {} "
+        "are {:g}",
+        inertia, mass, std::sqrt(ratio), inertia, ratio > kMost ? "g m²" : "t m²",
+        (ratio > kMost ? 1e-3 : 1e3) * inertia);
+  }
+  return {};
+}
+
 /// The surface that a point of the handle or the tool at this position is inside of by more than 0.1 mm, and how deep.
 struct Inside {
   std::size_t surface;
@@ -388,7 +405,10 @@ constexpr Hint kHints[] = {
       return fmt::format("{} is {:g} m; lengths are in metres, and {:g} mm are {:g}", length.path, length.metres,
                          length.metres, 1e-3 * length.metres);
     }},
-    {[](const Scene& s) { return s.source ? unit_mistake(s.source->message, "") : std::string{}; }},
+    {[](const Scene& s) {
+      const std::string said = s.source ? unit_mistake(s.source->message, "") : std::string{};
+      return said.empty() ? inertia_mistake(s) : said;
+    }},
     {[](const Scene& s) {
        const bool pressed = s.operator_model && s.operator_model->hand && !s.operator_model->hand->force_n.empty();
        const bool renders = s.control.architecture == Architecture::render && s.device;

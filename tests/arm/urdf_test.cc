@@ -652,7 +652,6 @@ TEST(ArmFileOfAUrdf, SaysWhatIsWrong) {
   expect(with + "joint_rotor_inertia_kg_m2: [1]", "joint_rotor_inertia_kg_m2 is [1]; it must hold 7 numbers");
   expect(with + "joint_rotor_inertia_kg_m2: [1, 1, 1, 1, 1, 1, -1]", "joint_rotor_inertia_kg_m2");
   expect("urdf: \"nowhere.urdf\"", "nowhere.urdf");
-  expect("urdf: \"" + kSix + "\"", "ready_position_rad is missing; it must hold 6 numbers");
   expect("tip: \"x\"", "the tip \"x\" is named, but only links of a URDF have names");
   expect("joint_rotor_inertia_kg_m2: [1]", "joint_rotor_inertia_kg_m2 is given without urdf");
   expect(with + "joint_max_torque_n_m: [1]", "joint_max_torque_n_m is [1]; it must hold 7 numbers");
@@ -665,11 +664,15 @@ TEST(SceneOfAUrdf, SaysWhatItLacks) {
     return error_of([&] { parse_scene(scene_of(file, more), "scene"); });
   };
   EXPECT_EQ(error(kSix, kStart), "");
-  EXPECT_NE(
-      error(kSix, "").find(
-          "robot.arm.joint_position_rad is missing; it must hold 6 numbers: a URDF names no position to begin at"),
-      std::string::npos)
-      << error(kSix, "");
+  const std::string beside = test::own_folder() / "beside.textproto";
+  write_whole(beside, "urdf: \"" + kSix + "\"");
+  for (const std::string& file : {kSix, beside}) {
+    EXPECT_EQ(error(file, kStart), "");
+    EXPECT_NE(error(file, "").find(
+                  "robot.arm.joint_position_rad is missing; it must hold 6 numbers: the arm's file names none"),
+              std::string::npos)
+        << error(file, "");
+  }
   EXPECT_NE(error("pandda", "").find("pandda: no such file, and no arm of this name; did you mean panda"),
             std::string::npos)
       << error("pandda", "");

@@ -116,10 +116,11 @@ TEST_F(Mujoco, StartsAtAKeyframe) {
   const std::string path = own_folder() / "key.xml";
   write_whole(path,
               "<mujoco><worldbody><body>" + kSlides + kSphere +
-                  "<site name='tip'/></body></worldbody><keyframe><key name='home' qpos='1 2 3'/></keyframe></mujoco>");
+                  "<site name='tip'/></body></worldbody><keyframe><key name='home' qpos='1 2 3'/><key qpos='4 5 6'/>"
+                  "</keyframe></mujoco>");
   EXPECT_EQ(open<3>(path)->sense(tick(0)).x.translation(), Eigen::Vector3d::Zero());
   EXPECT_EQ(open<3>(path + ",key=home")->sense(tick(0)).x.translation(), Eigen::Vector3d(1.0, 2.0, 3.0));
-  EXPECT_THROW(open<3>(path + ",key=away"), ConfigError);
+  EXPECT_EQ(open<3>(path + ",key=1")->sense(tick(0)).x.translation(), Eigen::Vector3d(4.0, 5.0, 6.0));
   for (const char* order : {",key=home,site=tip", ",site=tip,key=home"})
     EXPECT_EQ(open<3>(path + order)->sense(tick(0)).x.translation(), Eigen::Vector3d(1.0, 2.0, 3.0)) << order;
 }
@@ -191,6 +192,43 @@ TEST_F(Mujoco, MovesAMocapBodyThatIsWeldedToTheTool) {
                              "<equality><weld body1='goal' body2='hand' solref='0.01 1'/></equality>"));
   pulled(*beside, 0.05);
   EXPECT_LT((beside->truth()->x->translation() - Eigen::Vector3d{0.05, 0.0, 0.0}).norm(), 2e-3);
+}
+/// Wherever the file puts the mocap body: the weld pulls at nothing until the hand moves.
+TEST_F(Mujoco, StartsAWeldedToolAtRestAtAKeyframe) {
+  const std::string path = own_folder() / "welded.xml";
+  for (const char* weld : {"body1='goal' body2='hand'", "body1='hand' body2='goal'",
+                           "body1='goal' body2='hand' relpose='0.1 0 0.2 0.8 0 0 0.6' anchor='0 0.1 0'",
+                           "body1='hand' body2='goal' relpose='0.1 0 0.2 0.8 0 0 0.6' anchor='0 0.1 0'"}) {
+    write_whole(path,
+                "<mujoco><option timestep='0.001' gravity='0 0 0'/><worldbody><body name='goal' mocap='true' pos='0.02 "
+                "0.1 0.2' quat='0.8 0 0.6 0'/><body name='hand'><freejoint/><geom type='sphere' size='0.02' mass='1'/>"
+                "<site name='tip' pos='0 0 0.1'/></body></worldbody><equality><weld " +
+                    std::string{weld} +
+                    " solref='0.01 1'/></equality><keyframe><key name='up' qpos='0.3 0.2 1 0.6 0 0.8 0'/></keyframe>"
+                    "</mujoco>");
+    const auto robot = open<6>(path + ",key=up");
+    const RobotSample<6> begin = robot->sense(tick(0));
+    after<6>(*robot, 300, Force<6>::Vector::Zero());
+    EXPECT_LT((robot->truth()->x->translation() - begin.x.translation()).norm(), 1e-9) << weld;
+    EXPECT_LT(robot->truth()->x->attitude().angularDistance(begin.x.attitude()), 1e-7) << weld;
+  }
+}
+/// Another arm, whose keyframe has no controls, would run to 0.
+TEST_F(Mujoco, HoldsOtherServosWhereAKeyframeWithoutControlsPutsThem) {
+  const std::string other =
+      "<body name='other'><joint name='o' type='slide' axis='1 0 0' damping='20'/><geom type='sphere' "
+      "size='0.02' mass='1'/></body>";
+  const auto robot = [&](const std::string& controls) {
+    return open<3>(with_actuators(kServos + "<position joint='o' kp='5000'/>", other,
+                                  "<keyframe><key name='home' qpos='0.3 0 0 0'" + controls + "/></keyframe>") +
+                   ",site=tip,key=home");
+  };
+  const auto held = robot("");
+  after<3>(*held, 500, {0.0, 0.0, 0.0});
+  EXPECT_FALSE(held->truth()->touches);
+  const auto told = robot(" ctrl='0 0 0 0.001'");
+  after<3>(*told, 500, {0.0, 0.0, 0.0});
+  EXPECT_TRUE(told->truth()->touches);
 }
 /// Position and velocity belong together at any rate and step.
 TEST_F(Mujoco, FollowsTheClockAtAnyRateAndStep) {
@@ -294,6 +332,19 @@ TEST_F(Mujoco, RefusesModelsInWords) {
   expect(model(kSlides + kSphere) + ",site=tip", "the model has no sites");
   expect(model(kSlides + kSphere + "<site name='a'/><site name='b'/>"), "the model has the sites a, b; add ,site=NAME");
   expect(model(kSlides + kSphere + "<site name='a'/><site name='b'/>") + ",site=c", "no site \"c\"; there are a, b");
+  expect(model(kSlides + kSphere) + ",key=home", "the model has no keyframes");
+  const std::string keys = own_folder() / "keys.xml", wide = own_folder() / "wide.xml";
+  write_whole(keys, "<mujoco><worldbody><body>" + kSlides + kSphere +
+                        "</body></worldbody><keyframe><key name='home'/><key/></keyframe></mujoco>");
+  for (const char* key : {"away", "2"})
+    expect(keys + ",key=" + key,
+           "no keyframe \"" + std::string{key} + "\"; there are 2, by name or number from 0: home, 1");
+  write_whole(wide, std::string{"\xFF\xFE<\0m\0", 6});
+  expect(wide, "wide.xml: is in UTF-16; save it as UTF-8");
+  for (const char* fixed : {"damping='1e11'", "armature='1e11'", "stiffness='1e11'"})
+    expect(model("<joint type='slide' axis='1 0 0' " + std::string{fixed} +
+                 "/><joint type='slide' axis='0 1 0'/><joint type='slide' axis='0 0 1'/>" + kSphere),
+           "move the tool in 2 directions; a scene with dof 3 needs 3");
   expect(model(kSphere), "no body of the model moves");
   expect(model(kSphere + "<site name='t'/>"), "move the tool in 0 directions; a scene with dof 3 needs 3");
   expect(model(kSlides + kSphere, "<body><freejoint/><geom size='0.1'/></body>"),

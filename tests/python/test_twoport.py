@@ -376,7 +376,7 @@ class Errors(unittest.TestCase):
     def test_bad_scenes_are_refused_with_the_programs_sentence(self):
         with tempfile.TemporaryDirectory() as folder:
             bad = pathlib.Path(folder, "bad.textproto")
-            for text in ("dof: 1 duration_s:", "dof: 2 duration_s: 1 rate_hz: 100", "dof: 1 no_such: 2", "dof: 1"):
+            for text in ("dof: 1 duration_s:", "dof: 2 duration_s: 1 rate_hz: 100", "dof: 1 no_such: 2"):
                 bad.write_text(text)
                 self.same_sentence(lambda: twoport.load_scene(bad), "run", bad)
                 with self.assertRaises(ValueError) as raised:
@@ -510,6 +510,13 @@ class Errors(unittest.TestCase):
             twoport.LiveMaster(scene, "192.0.2.1:45000")
         with self.assertRaisesRegex(ValueError, "has no link"):
             twoport.LiveSlave(twoport.load_scene(HELD), address)
+        # A scene for hardware has no duration, which only runs need.
+        hardware = twoport.load_scene(SCENES.parent / "docs/examples/own_hardware/scene.textproto")
+        self.assertEqual(hardware.duration_s, float("inf"))
+        twoport.LiveSlave(hardware, address)
+        with self.assertRaisesRegex(ValueError, "duration_s is missing"):
+            twoport.run(hardware)
+        self.assertEqual(hardware.override("duration_s=1").duration_s, 1.0)
         with self.assertRaisesRegex(ValueError, "x: 2 numbers"):
             twoport.LiveMaster(scene, address).step([0.0, 0.0], [0.0])
 

@@ -76,6 +76,19 @@ TEST(Hints, NameANumberThatIsAThousandTimesOff) {
                            "mass_kg: 1 inertia_kg_m2: 60 }"))
                 .at(0),
             "robot.inertia_kg_m2 is 60; inertias are in kg m², and 60 g m² are 0.06");
+  // Of a tool by its mass.
+  const auto of_tool = [](const std::string& inertia) {
+    const Sentences all = hints(scene_of("dof: 6 duration_s: 1 robot { mass_kg: 2 inertia_kg_m2: " + inertia +
+                                         " } control { architecture: UNCONTROLLED }"));
+    return all.empty() ? "" : all[0];
+  };
+  EXPECT_EQ(
+      of_tool("[2, 3, 4]"),
+      "robot.inertia_kg_m2 is 2, of 2 kg that are 1 m from the axis; inertias are in kg m², and 2 g m² are 0.002");
+  EXPECT_EQ(of_tool("2e-6"),
+            "robot.inertia_kg_m2 is 2e-06, of 2 kg that are 0.001 m from the axis; inertias are in kg m², and 2e-06 t "
+            "m² are 0.002");
+  EXPECT_EQ(of_tool("[2e-3, 3e-3, 4e-3]"), "");
   for (const char* usual : {"device.mass_kg=0.01", "device.mass_kg=5", "robot.mass_kg=0.05", "robot.mass_kg=80",
                             "environment[0].wall.stiffness_n_per_m=50", "environment[0].wall.stiffness_n_per_m=1e6",
                             "environment[0]={spring { stiffness_n_per_m: 0.5 }}", "control.robot_limits.force_n=500",

@@ -262,6 +262,13 @@ TEST(Scene, ReadsAMeshBesideIt) {
   TriangleMesh inward = box_mesh({1, 1, 1});
   for (TriangleMesh::Triangle& t : inward.triangles) std::swap(t[0], t[1]);
   EXPECT_TRUE(says(error(obj(inward)), {"has its triangles facing inwards"}));
+  // A thin one has finer samples; one that is too thin is refused by its own numbers.
+  EXPECT_EQ(error(obj(box_mesh({1, 1, 0.002}))), "");
+  EXPECT_TRUE(says(error(obj(box_mesh({1, 1, 0.001}))),
+                   {"environment[0].mesh.file is 2 m long and 0.002 m thick; half of that as voxel_m makes"}));
+  EXPECT_TRUE(
+      says(error(obj(box_mesh({1, 1, 0.002})), "voxel_m: 0.01"),
+           {"environment[0].mesh.voxel_m is 0.01; it must be at most 0.002, half of the mesh's shortest side"}));
   EXPECT_TRUE(says(error(obj(box_mesh({1, 1, 1})), "voxel_m: 1e-4"),
                    {"environment[0].mesh.voxel_m is 0.0001; it must make at most 3.2e+07 samples"}));
 }
