@@ -154,7 +154,7 @@ RobotSample<3> pulled(Robot<3>& robot, double goal) {
 TEST_F(Mujoco, DrivesPositionServosByTheSetPoint) {
   const auto free = open<3>(with_actuators(kServos));
   pulled(*free, 0.05);
-  EXPECT_NEAR(free->truth()->x->translation().x(), 0.05, 1e-3);
+  EXPECT_NEAR(free->tool()->translation().x(), 0.05, 1e-3);
   const auto held = open<3>(with_actuators(kServos, "<geom type='box' pos='0.06 0 0' size='0.01 0.1 0.1'/>"));
   EXPECT_NEAR(pulled(*held, 0.05).f_environment[0], 10.0, 1.5);  // the wall is at 30 mm
   // Controls in other units, from another zero.
@@ -162,12 +162,12 @@ TEST_F(Mujoco, DrivesPositionServosByTheSetPoint) {
       open<3>(with_actuators("<general joint='x' gainprm='5' biastype='affine' biasprm='20 -5000'/>"
                              "<position joint='y' kp='5000'/><position joint='z' kp='5000'/>"));
   pulled(*scaled, 0.05);
-  EXPECT_NEAR(scaled->truth()->x->translation().x(), 0.05, 1e-3);
+  EXPECT_NEAR(scaled->tool()->translation().x(), 0.05, 1e-3);
 }
 TEST_F(Mujoco, LetsActuatorsGo) {
   const auto robot = open<3>(with_actuators(kServos) + ",actuators=off");
   EXPECT_NEAR(pulled(*robot, 0.05).x.translation().x(), 0.05, 1e-3);
-  EXPECT_FALSE(robot->truth()->x.has_value());
+  EXPECT_EQ(robot->tool(), nullptr);
   EXPECT_THROW(open<3>(with_actuators(kServos) + ",actuators=on"), ConfigError);
   // A keyframe's controls are let go too.
   const std::string key = "<keyframe><key name='on' ctrl='0.1 0 0'/></keyframe>";
@@ -185,13 +185,13 @@ TEST_F(Mujoco, MovesAMocapBodyThatIsWeldedToTheTool) {
   const auto robot = open<3>(with_actuators("", "<body name='goal' mocap='true'/>",
                                             "<equality><weld body1='goal' body2='hand' solref='0.01 1'/></equality>"));
   pulled(*robot, 0.05);
-  EXPECT_NEAR(robot->truth()->x->translation().x(), 0.05, 2e-3);
+  EXPECT_NEAR(robot->tool()->translation().x(), 0.05, 2e-3);
   // One that is held beside the tool, and turned.
   const auto beside =
       open<3>(with_actuators("", "<body name='goal' mocap='true' pos='0.02 0.1 0.2' quat='0.8 0 0 0.6'/>",
                              "<equality><weld body1='goal' body2='hand' solref='0.01 1'/></equality>"));
   pulled(*beside, 0.05);
-  EXPECT_LT((beside->truth()->x->translation() - Eigen::Vector3d{0.05, 0.0, 0.0}).norm(), 2e-3);
+  EXPECT_LT((beside->tool()->translation() - Eigen::Vector3d{0.05, 0.0, 0.0}).norm(), 2e-3);
 }
 /// Wherever the file puts the mocap body: the weld pulls at nothing until the hand moves.
 TEST_F(Mujoco, StartsAWeldedToolAtRestAtAKeyframe) {
@@ -209,8 +209,8 @@ TEST_F(Mujoco, StartsAWeldedToolAtRestAtAKeyframe) {
     const auto robot = open<6>(path + ",key=up");
     const RobotSample<6> begin = robot->sense(tick(0));
     after<6>(*robot, 300, Force<6>::Vector::Zero());
-    EXPECT_LT((robot->truth()->x->translation() - begin.x.translation()).norm(), 1e-9) << weld;
-    EXPECT_LT(robot->truth()->x->attitude().angularDistance(begin.x.attitude()), 1e-7) << weld;
+    EXPECT_LT((robot->tool()->translation() - begin.x.translation()).norm(), 1e-9) << weld;
+    EXPECT_LT(robot->tool()->attitude().angularDistance(begin.x.attitude()), 1e-7) << weld;
   }
 }
 /// Another arm, whose keyframe has no controls, would run to 0.
