@@ -981,7 +981,7 @@ class Hints(unittest.TestCase):
         self.assertGreater(len(function.__doc__.splitlines()), 1 if node.name != "__init__" else 0, f"{node.name}: no docstring")
         inside = signature[signature.index("(") + 1 : signature.rindex(") ->")]
         theirs = {}
-        for part in re.split(r", (?=\*|[a-z_]+:)", inside):
+        for part in re.split(r", (?=\*|[a-z_0-9]+:)", inside):
             name, _, rest = part.partition(":")
             default = rest.rpartition(" = ")[2] if " = " in rest else None
             if name not in ("", "self") and not name.startswith("*"):
