@@ -16,7 +16,7 @@ namespace twoport::lab {
 namespace {
 
 // Pixels, at a font of 10 points.
-constexpr double kCharacter = 6.7, kMark = 26.0, kEntryGap = 28.0, kLegendRow = 22.0;
+constexpr double kCharacter = 6.7, kCapital = 9.2, kMark = 26.0, kEntryGap = 28.0, kLegendRow = 22.0;
 constexpr double kTitle = 40.0, kPanelTitle = 22.0, kBarGap = 25.0, kBarWidth = 22.0, kBarRight = 150.0;
 
 /// In single quotes for gnuplot; the only escape there is a doubled quote.
@@ -39,6 +39,12 @@ bool shell(const std::string& command) {
 double characters(std::string_view text) {
   return static_cast<double>(
       std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
+}
+/// Of a text in a legend [pixels].
+double width_of(std::string_view text) {
+  const auto capitals =
+      std::count_if(text.begin(), text.end(), [](char c) { return (c >= 'A' && c <= 'Z') || c == '_'; });
+  return kCharacter * characters(text) + (kCapital - kCharacter) * static_cast<double>(capitals);
 }
 
 bool is_known(const Scale& s) {
@@ -113,7 +119,7 @@ class Page {
         if (s.name.empty() || s.rows.empty()) continue;
         if (std::any_of(legend_.begin(), legend_.end(), [&](const Entry& e) { return e.series->name == s.name; }))
           continue;
-        const double wide = kMark + kCharacter * characters(s.name) + kEntryGap;
+        const double wide = kMark + width_of(s.name) + kEntryGap;
         if (x > 0.0 && x + wide > total_x_ - 40.0) x = 0.0, ++legend_rows_;
         legend_.push_back({&s, x, legend_rows_});
         x += wide;
@@ -131,8 +137,7 @@ class Page {
     for (const Entry& e : legend_) {
       double row_wide = 0.0;
       for (const Entry& other : legend_)
-        if (other.row == e.row)
-          row_wide = std::max(row_wide, other.x + kMark + kCharacter * characters(other.series->name));
+        if (other.row == e.row) row_wide = std::max(row_wide, other.x + kMark + width_of(other.series->name));
       const double at = e.x + std::max(20.0, 0.5 * (total_x_ - row_wide)),
                    up = y(total_y_ - kTitle - kLegendRow * (0.5 + e.row));
       const std::string& colour = e.series->colour;
