@@ -66,7 +66,6 @@ struct Choice {
   std::string words;
   ros2::Talk talk;
   std::vector<std::string> joints;
-  std::optional<Servo> servo;
 
  private:
   [[nodiscard]] double number(const std::string& option, const std::string& text, double least, double most) const {
@@ -83,16 +82,16 @@ struct Choice {
     std::istringstream all{value};
     std::string rate, delay, lag;
     std::getline(std::getline(std::getline(all, rate, ':'), delay, ':'), lag);
-    servo = Servo{Seconds{1.0 / number("servo's rate in Hz", rate, 10, 10000)},
-                  Seconds{1e-3 * number("servo's delay in ms", delay, 0, 1000)},
-                  Seconds{1e-3 * number("servo's lag in ms", lag, 0, 1000)}};
-    talk.follows_positions = true;
+    talk.servo = Servo{Seconds{1.0 / number("servo's rate in Hz", rate, 10, 10000)},
+                       Seconds{1e-3 * number("servo's delay in ms", delay, 0, 1000)},
+                       Seconds{1e-3 * number("servo's lag in ms", lag, 0, 1000)}};
   }
 };
 
 Choice of_device(const DriverOptions& o) {
   Choice c{"--device", o.arguments};
-  if (c.servo) throw ConfigError{c.words + ": servo is of a robot that obeys positions only; a device displays forces"};
+  if (c.talk.servo)
+    throw ConfigError{c.words + ": servo is of a robot that obeys positions only; a device displays forces"};
   return c;
 }
 std::unique_ptr<Node<ToolTopics>> opened(const Choice& c, bool robot, bool turns) {
@@ -101,8 +100,8 @@ std::unique_ptr<Node<ToolTopics>> opened(const Choice& c, bool robot, bool turns
 }
 /// Joints have the names that are given, else those of a URDF.
 std::unique_ptr<Node<JointTopics>> opened(const Choice& c, bool robot, const std::optional<ArmSpec>& arm) {
-  if (c.servo || !c.talk.frame.empty())
-    throw ConfigError{c.words + ": " + (c.servo ? "servo" : "frame") +
+  if (c.talk.servo || !c.talk.frame.empty())
+    throw ConfigError{c.words + ": " + (c.talk.servo ? "servo" : "frame") +
                       " is of a tool, but space of the scene is JOINTS, whose robots follow efforts"};
   std::vector<std::string> names = c.joints;
   const std::size_t n = arm ? arm->parameters->joints.size() : 0;
@@ -161,7 +160,7 @@ class Ros2Robot final : public Robot<N> {
   [[nodiscard]] std::string trouble() const override { return node_->trouble(); }
 
  private:
-  explicit Ros2Robot(const Choice& c) : servo_{c.servo}, node_{opened(c, true, N == 6)} {}
+  explicit Ros2Robot(const Choice& c) : servo_{c.talk.servo}, node_{opened(c, true, N == 6)} {}
 
   std::optional<Servo> servo_;
   std::unique_ptr<Node<ToolTopics>> node_;

@@ -16,6 +16,7 @@
 #include <cstdio>
 #include <cstring>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -25,6 +26,7 @@
 #include "common/base/check.h"
 #include "common/base/scalar.h"
 #include "common/base/thread.h"
+#include "common/hardware/servo.h"
 #include "common/hardware/status.h"
 #include "drivers/newest.h"
 #include "ros2_messages.h"
@@ -40,8 +42,8 @@ struct Talk {
   dds_domainid_t domain = 0;
   std::string frame;  ///< frame_id of poses, twists and wrenches that go out; empty: world
   bool crtk = false;  ///< names of the Collaborative Robotics Toolkit; each command there is a mode, so one goes out
-  bool follows_positions = false;  ///< a robot: set points are its commands, not forces
-  int silence_ms = 100;            ///< without a message that came before: a fault
+  std::optional<Servo> servo{};  ///< of a robot that obeys positions only: set points are its commands, not forces
+  int silence_ms = 100;          ///< without a message that came before: a fault
 };
 
 using Type = dds_topic_descriptor_t;
@@ -229,7 +231,7 @@ class ToolTopics {
         twist{talk.prefix + (talk.crtk ? "/measured_cv" : "/twist"), kTwist, true, talk.crtk},
         wrench{talk.prefix + (talk.crtk ? "/measured_cf" : "/wrench"), kWrench, false, talk.crtk},
         inboxes{&pose, &twist},
-        follows_positions_{talk.follows_positions},
+        follows_positions_{talk.servo.has_value()},
         frame_{talk.frame.empty() ? "world" : talk.frame} {
     if (robot) inboxes.push_back(&wrench);
   }
@@ -239,9 +241,8 @@ class ToolTopics {
   void open_writers(dds_entity_t in, const Talk& talk) {
     const bool robot = inboxes.back() == &wrench;
     if (talk.crtk) {
-      (talk.follows_positions ? target_pose_ : command_) =
-          open_topic(in, talk.prefix + (talk.follows_positions ? "/servo_cp" : "/servo_cf"),
-                     talk.follows_positions ? kPose : kWrench);
+      (follows_positions_ ? target_pose_ : command_) = open_topic(
+          in, talk.prefix + (follows_positions_ ? "/servo_cp" : "/servo_cf"), follows_positions_ ? kPose : kWrench);
       return;
     }
     command_ = open_topic(in, talk.prefix + "/command", kWrench);

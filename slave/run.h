@@ -53,8 +53,8 @@ class SlaveRows {
     const PortReport<N>& master = peer.newest;
     const RobotTruth<N>* truth = hardware.truth();
     const Position<N>* const tool = hardware.tool();
-    const Displacement<N> error = tool ? node.position_error() + (*tool - sample.x) : node.position_error();
     const bool follows = out.mode == Mode::coupled;
+    const Displacement<N> error = tool && follows ? node.position_error() + (*tool - sample.x) : node.position_error();
     if (has_moved_) into_robot_ += dot(f_, sample.x - x_);
     const Energy into_coupling = delivered_ - into_robot_;
     delivered_ = node.delivered();
@@ -70,12 +70,12 @@ class SlaveRows {
             .slave_v = sample.v,
             .slave_f = out.command.f,
             .env_f = truth ? truth->f_environment : -sample.f_environment,
-            .position_error = follows ? error : node.position_error(),
+            .position_error = error,
             .slave_energy_j = node.delivered().si(),
             .dissipated_j = out.dissipated.si(),
             .mode = out.mode,
             .coupling_energy_j = into_coupling.si(),
-            .ahead = follows ? -error : Displacement<N>{},
+            .ahead = -error,
             .touching = truth ? truth->touches : senses_contact(sample.f_environment),
             .coupled = follows && master.mode == Mode::coupled,
             .following = follows};
