@@ -54,6 +54,8 @@ class ArmModel {
   [[nodiscard]] bool has_fingers() const noexcept { return fingers_; }
   /// Number of joints.
   [[nodiscard]] int size() const noexcept { return static_cast<int>(joints_); }
+  /// Of the joints that move the tool.
+  [[nodiscard]] int arm_joints() const noexcept { return size() - (fingers_ ? 1 : 0); }
 
   [[nodiscard]] Pose pose(const Joints& q) const noexcept;
 

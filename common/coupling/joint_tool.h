@@ -65,7 +65,7 @@ class JointTool {
   [[nodiscard]] bool is_before_tool(const At& at, const Force<kJointPort>& torque, bool was = false) const noexcept {
     const Eigen::Vector3d f = at.to_force * torque.vec();
     const double lever_m = (was ? 2.0 : 1.0) * kLever_m;
-    if (!(torque.vec().segment<kWrist>(arm_->size() - kWrist).norm() < lever_m * f.norm())) return false;
+    if (!(torque.vec().segment<kWrist>(arm_->arm_joints() - kWrist).norm() < lever_m * f.norm())) return false;
     const Axes unexplained = torque.vec() - at.J.topRows<3>().transpose() * f;
     return unexplained.norm() > kUnexplained * torque.vec().norm();
   }

@@ -54,7 +54,7 @@ struct Words {
       return;
     }
     for (std::size_t i = 0; i < count; ++i) {
-      const bool total = (totals >> i & 1U) != 0;
+      const bool total = i < 32 && (totals >> i & 1U) != 0;
       if (total) {
         at[i] = std::max(at[i], arrived.at[i]);
       } else if (newer) {

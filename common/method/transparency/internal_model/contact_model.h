@@ -4,6 +4,7 @@
 #include <type_traits>
 
 #include "common/method/transparency/contact_spring/master.h"
+#include "common/method/transparency/internal_model/joint_model.h"
 #include "common/method/transparency/internal_model/master.h"
 
 namespace twoport {
@@ -100,6 +101,8 @@ class ContactModelMaster final : public Copyable<ContactModelMaster<N>, MasterTr
 
 /// One, three degrees of freedom: the plane. Lanes (lab/lanes/internal_model.h) have the same.
 template <int N>
-using InternalModel = std::conditional_t<N == 6, ContactModelMaster<N>, InternalModelMaster<N>>;
+using InternalModel =
+    std::conditional_t<N == 6, ContactModelMaster<N>,
+                       std::conditional_t<N == kJointPort, JointModelMaster<N>, InternalModelMaster<N>>>;
 
 }  // namespace twoport

@@ -48,6 +48,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
         rotation_n_m_per_rad_{o.force_scale / o.motion_scale * o.coupling.rotational_stiffness_n_m_per_rad},
         mass_kg_{o.handle_mass_kg},
         inertia_kg_m2_{o.handle_inertia_kg_m2},
+        of_joints_{N == kJointPort || o.follower != nullptr},
         residual_s_{std::clamp(kRobot * std::sqrt(o.known.robot_mass_kg / o.coupling.stiffness_n_per_m), kResidual_s,
                                kLongResidual_s)},
         ramp_{o.engage} {}
@@ -105,6 +106,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
   [[nodiscard]] bool has_payload() const noexcept override { return heard_; }
   void write_payload(Words& words) const noexcept override { write(said_by_master_, words); }
   [[nodiscard]] const MasterSays<N>& says() const noexcept { return said_by_master_; }
+  [[nodiscard]] const SurfaceReport<N>& said_by_slave() const noexcept { return said_; }
   /// The newest report says that the robot touches.
   [[nodiscard]] bool touches() const noexcept { return said_.contact.value > 0.5; }
   /// It says which surface: what it touches has a force, not only a torque.
@@ -163,13 +165,12 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
           lever_ = said_.lever.value.vec();
         }
       }
-    [[maybe_unused]] const bool existed = model_.exists();
+    const bool existed = model_.exists();
     model_.step(touches, patch_of(said_), said_.robot.value.translation(), dt);
-    if constexpr (N == kJointPort) {
-      if (existed && model_.exists()) return low_pass(late_m_, 0.0, dt, kLate_s);
-      late_m_ = 0.0;
-      if (model_.exists()) meet(in);
-    }
+    if (!of_joints_) return;
+    if (existed && model_.exists()) return low_pass(late_m_, 0.0, dt, kLate_s);
+    late_m_ = 0.0;
+    if (model_.exists()) meet(in);
   }
   /// The model has begun.
   void meet(const MasterInput<N>& in) noexcept {
@@ -254,7 +255,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
     double b_normal = 0.0;
     if (hand.inside) {
       b += of_delay + kHarvest * (1.0 - scale_slow_);
-      b_normal = 0.5 * dt.si() * model_.patch().stiffness + (N == kJointPort ? kDampingOfJoints : 0.0);
+      b_normal = 0.5 * dt.si() * model_.patch().stiffness + (of_joints_ ? kDampingOfJoints : 0.0);
     }
     typename Force<N>::Vector g;
     const Vector linear = v.vec().template head<D>();
@@ -270,7 +271,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
 
   void tell(const Force<N>& felt) noexcept {
     Vector offset = offset_m_ * offset_normal_;
-    if constexpr (N == kJointPort) offset += late_m_ * hand_.surface.normal;
+    if (of_joints_) offset += late_m_ * hand_.surface.normal;
     said_by_master_.offset.value = Displacement<D>{offset};
     said_by_master_.felt.value = Coords<struct SurfaceForceKind, D>{felt.vec().template head<D>()};
   }
@@ -291,6 +292,7 @@ class InternalModelMaster final : public Copyable<InternalModelMaster<N>, Master
 
   double coupling_n_per_m_, rotation_n_m_per_rad_;  ///< K_c, K_r in the master's units
   double mass_kg_, inertia_kg_m2_;                  ///< of the handle; 0: not known
+  bool of_joints_;                                  ///< the port is joints, or one of them
   double residual_s_;                               ///< a without delay
   Ramp ramp_;
   RoundTrip round_trip_;

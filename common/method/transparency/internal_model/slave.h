@@ -159,7 +159,14 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
       return {};
     }
   }
-  [[nodiscard]] bool touches() const noexcept { return estimator_.contact() || torque_.contact(); }
+  [[nodiscard]] bool arm_touches() const noexcept { return estimator_.contact() || torque_.contact(); }
+  [[nodiscard]] bool touches() const noexcept {
+    if constexpr (N == kJointPort) {
+      return arm_touches() || estimator_.fingers().contact();
+    } else {
+      return arm_touches();
+    }
+  }
 
   /// Force on the environment without a sensor, friction of the robot included. An ideal robot tells it.
   Force<N> observed(const RobotSample<N>& robot, const Force<N>& wanted, Seconds dt) noexcept {
@@ -191,19 +198,19 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
 
   /// q is a vector, as no single normal is known.
   ///
-  ///     q = LP_50ms of c (f + K_c q - f_m)/(K_h + K_c),   |q| <= |LP_50ms f|/K_c
+  ///     q = LP_50ms of c (f + K_c q - f_m)/(K_h + K_c),   |K_c q| <= |LP_50ms f|
   ///
-  /// Joints: LP_20ms,   |q| <= |LP_50ms f|/K_h,   K_h = 700 N/m |m|² (JointSurface::share).
+  /// Joints: LP_20ms,   |K_h q| <= |LP_50ms f|,   K_h = 700 N/m |m|², of each axis (JointSurface::share).
   void yield_along_force(const SlaveInput<N>& in, const Force<N>& felt) noexcept {
     Point<D> q = yield_m_ * yield_normal_, wanted = Point<D>::Zero();
     if (informed_ && in.coupled && touches()) {
       const Point<D> f = felt.vec().template head<D>();
       const double k = coupling_n_per_m_;
-      double hand = kHand_n_per_m, least = k;
-      if constexpr (N == kJointPort) least = hand *= estimator_.share();
+      Point<D> hand = Point<D>::Constant(kHand_n_per_m), least = Point<D>::Constant(k);
+      if constexpr (N == kJointPort) least = hand = kHand_n_per_m * estimator_.share();
       low_pass(f_slow_, f, in.dt, kYield_s);
-      wanted = yields_ / (hand + k) * (f + k * q - said_.felt.value.vec());
-      const double most = f_slow_.norm() / least, size = wanted.norm();
+      wanted = yields_ * (f + k * q - said_.felt.value.vec()).cwiseQuotient((hand.array() + k).matrix());
+      const double most = f_slow_.norm(), size = wanted.cwiseProduct(least).norm();
       if (size > most) wanted *= most / size;
     } else {
       f_slow_.setZero();
@@ -252,16 +259,24 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
 
   void report(const RobotSample<N>& robot) noexcept {
     const SurfacePatch<D>& patch = estimator_.patch();
-    report_.contact.value = touches() ? 1.0 : 0.0;
+    report_.contact.value = arm_touches() ? 1.0 : 0.0;
     report_.normal.value = Direction<D>{patch.normal};
     report_.point.value = Position<D>{patch.point};
-    report_.stiffness.value = touches() && !estimator_.contact() ? 0.0 : in_series(patch, robot.ideal);
+    report_.stiffness.value = arm_touches() && !estimator_.contact() ? 0.0 : in_series(patch, robot.ideal);
     report_.friction.value = patch.friction;
     report_.curvature.value = patch.curvature;
     report_.robot.value = Position<D>{contact_point_};
     if constexpr (N == 6) report_.lever.value = Displacement<3>{lever_.value()};
+    if constexpr (N == kJointPort) {
+      const SurfacePatch<1>& held = estimator_.fingers().patch();
+      report_.fingers_contact.value = estimator_.fingers().contact() ? 1.0 : 0.0;
+      report_.fingers_side.value = held.normal[0];
+      report_.fingers_point.value = held.point[0];
+      report_.fingers_stiffness.value = in_series(held, robot.ideal);
+    }
   }
-  [[nodiscard]] double in_series(const SurfacePatch<D>& patch, bool ideal) const noexcept {
+  template <int M>
+  [[nodiscard]] double in_series(const SurfacePatch<M>& patch, bool ideal) const noexcept {
     if (!(patch.stiffness > 0.0)) return 0.0;
     double compliance = 1.0 / patch.stiffness;
     if (!ideal && coupling_n_per_m_ > 0.0) compliance += 1.0 / coupling_n_per_m_;

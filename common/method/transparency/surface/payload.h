@@ -24,14 +24,29 @@ struct SurfaceReport {
   Latest<Position<N>> echo;            ///< set point of the slave's coupling in the tick of this report
   Latest<Position<D>> robot;           ///< the robot's contact point (N = 1, 3: the robot)
   Latest<Displacement<3>> lever;       ///< N = 6: from the tool point to the contact, in handle axes [m]
+  /// Joints whose last one is two fingers: what they hold, of that axis alone; `fingers_side` is its n, 1 or -1.
+  Latest<double> fingers_contact, fingers_side, fingers_point, fingers_stiffness;
 
   auto fields() {
     auto all = std::tie(contact, normal, point, stiffness, friction, curvature, echo, robot);
     if constexpr (N == 6) {
       return std::tuple_cat(all, std::tie(lever));
+    } else if constexpr (N == kJointPort) {
+      return std::tuple_cat(all, std::tie(fingers_contact, fingers_side, fingers_point, fingers_stiffness));
     } else {
       return all;
     }
+  }
+  /// Of the fingers alone, which are that axis.
+  [[nodiscard]] SurfaceReport<1> of_fingers(int axis) const noexcept {
+    SurfaceReport<1> out;
+    out.contact = fingers_contact;
+    out.normal.value = Direction<1>{Point<1>{fingers_side.value}};
+    out.point.value = Position<1>{Point<1>{fingers_point.value}};
+    out.stiffness = fingers_stiffness;
+    out.echo.value = Position<1>{Point<1>{echo.value.translation()[axis]}};
+    out.robot.value = Position<1>{Point<1>{robot.value.translation()[axis]}};
+    return out;
   }
 };
 
