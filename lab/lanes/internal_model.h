@@ -85,7 +85,9 @@ static inline void estimate(const Parameters<V, N>& p, InternalModel<V, N>& m, V
   // fit_stiffness
   const Vec<N> moved = x - m.x_slow, n = found.normal;
   const V travel = dot(moved, n), force = dot(f - m.f_slow, n), speed = dot(v - m.v_slow, n);
-  const M fits = in & ~((absolute(travel) < 0.8 * norm(moved)) | (absolute(force) < 0.05));
+  const M pressed = ~(absolute(travel) < 0.8 * norm(moved)),
+          still = (absolute(force) < 0.05) & (absolute(travel) < 0.5e-3);
+  const M fits = in & pressed & ~still;
   if (any(fits)) {
     low_pass(fits, m.xx, travel * travel, p.weight_500ms);
     low_pass(fits, m.xv, travel * speed, p.weight_500ms);
@@ -205,13 +207,19 @@ static inline void follow_surface(const Parameters<V, N>& p, InternalModel<V, N>
     }
   }
   const M leaves = exists & ~touches;
+  V rise = p.ramp_in_100ms;
   if (any(leaves)) {
     const Depth<N> at = depth_at(m.model, m.robot_rx);
     const M forgets = leaves & (at.depth > 20e-3), gives = leaves & ~forgets & (at.depth > 2e-3);
     set(forgets, m.exists, V{}), set(forgets, m.model_ramp, V{});
-    set(gives, m.model.point, m.model.point + (p.weight_20ms * (at.depth - 2e-3)) * at.normal);
+    const V yielded_m = p.weight_20ms * (at.depth - 2e-3);
+    set(gives, m.model.point, m.model.point + yielded_m * at.normal);
+    set(gives & (yielded_m > 0.0), rise, -yielded_m / 20e-3);
   }
-  set(where & (m.exists != 0.0), m.model_ramp, least(all(1.0), m.model_ramp + p.ramp_in_100ms));
+  set(where & (m.exists != 0.0), m.model_ramp, least(all(1.0), m.model_ramp + rise));
+  const M passed = where & (m.exists != 0.0) & (m.model_ramp < 0.0);
+  if (any(passed)) [[unlikely]]
+    set(passed, m.exists, V{}), set(passed, m.model_ramp, V{});
 }
 /// SurfaceModel::force.
 template <int N>

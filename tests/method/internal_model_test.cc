@@ -326,6 +326,41 @@ TEST(InternalModel, NeedsNoSensorUnderPositionPosition) {
   EXPECT_LT(f.error_n, 0.02);
 }
 
+// ---- joints
+
+// Two Pandas whose fingers take a box and lift it, 100 ms there and back. While the fingers alone press, from 3.8 s to 4.4 s, the hand feels
+// what they press; after the first 0.5 s of the lift, 2 N of weight and little more; and nothing where the box was, once it is left.
+TEST(InternalModel, ShowsWhatFingersHoldAndCarry) {
+  Scene scene = load_scene(TWOPORT_SCENES "/leader_follower_gripper.textproto");
+  const auto loop = lab::make_simulation<kJointPort>(scene);
+  constexpr int kFingers = 7;
+  const double scale = scene.control.joint_scale[kFingers];
+  double pressed_n = 0.0, error_n = 0.0, carried2 = 0.0, lifted2 = 0.0, free2 = 0.0;
+  int holds = 0, lifts = 0, frees = 0;
+  loop->run([&](const Row<kJointPort>& row) {
+    const auto felt = row.master_f.vec(), pressed = row.env_f.vec();
+    const double felt2 = felt.head<kFingers>().squaredNorm();
+    if (row.t_s > 3.8 && row.t_s < 4.4) {
+      ++holds;
+      pressed_n += pressed[kFingers] * scale;
+      error_n += std::abs(felt[kFingers] + pressed[kFingers]) * scale;
+    } else if (row.t_s > 5.5 && row.t_s < 6.5) {
+      ++lifts;
+      lifted2 += felt2;
+      carried2 += pressed.head<kFingers>().squaredNorm();
+    } else if (row.t_s > 12.5) {
+      ++frees;
+      free2 += felt2;
+    }
+    return true;
+  });
+  EXPECT_GT(pressed_n / holds, 5.0);
+  EXPECT_LT(error_n, 0.05 * pressed_n);
+  EXPECT_GT(lifted2, 0.5 * carried2);
+  EXPECT_LT(lifted2, 4.0 * carried2);
+  EXPECT_LT(free2 / frees, 0.1 * carried2 / lifts);
+}
+
 // ---- six degrees of freedom
 
 // A plate pressed on a wall, turned, and held on its edge: the model's force acts at the contact point, so torque comes with it.

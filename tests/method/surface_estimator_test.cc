@@ -8,6 +8,8 @@
 #include <random>
 #include <utility>
 
+#include "common/method/transparency/surface/surface_model.h"
+
 namespace twoport {
 namespace {
 
@@ -34,6 +36,43 @@ double stiffness(bool follows) {
 TEST(SurfaceEstimator, StiffnessIsFittedToTheRobotsPointNotToTheMovingContact) {
   EXPECT_NEAR(stiffness(false), 3000.0, 30.0);
   EXPECT_LT(stiffness(true), 1000.0);
+}
+
+// A weight that is lifted presses by 2 N wherever it is: the least stiffness of a surface, 100 N/m, after 25 mm at 50 mm/s.
+TEST(SurfaceEstimator, AWeightThatIsLiftedIsNoStiffSurface) {
+  const Seconds dt{1e-3};
+  const Vector3d up = Vector3d::UnitZ();
+  SurfaceEstimator<3> estimator;
+  for (int k = 0; k < 500; ++k) estimator.step(5e-5 * k * up, 0.05 * up, 2.0 * up, dt);
+  ASSERT_TRUE(estimator.contact());
+  EXPECT_LE(estimator.patch().stiffness, 110.0);
+}
+
+// The robot leaves what it has lifted and goes on through the place where that was: after 20 mm, and the 2 mm and 20 ms that the model is
+// behind, there is no surface, and on the way it grows weaker. One that it leaves backwards stays.
+TEST(SurfaceModel, IsForgottenWhereTheRobotIsFree) {
+  const Seconds dt{1e-3};
+  const Vector3d up = Vector3d::UnitZ();
+  SurfacePatch<3> estimate;
+  estimate.normal = up, estimate.stiffness = 1000.0;
+  for (const double speed_m_per_s : {0.1, -0.1}) {
+    SurfaceModel<3> model;
+    for (int k = 0; k < 200; ++k) model.step(true, estimate, Vector3d::Zero(), dt);
+    ASSERT_EQ(model.ramp(), 1.0);
+    int last = 0;
+    double before = 1.0;
+    for (int k = 1; k <= 500; ++k) {
+      model.step(false, estimate, speed_m_per_s * k * dt.si() * up, dt);
+      EXPECT_LE(model.ramp(), before);
+      before = model.ramp();
+      if (model.exists()) last = k;
+    }
+    if (speed_m_per_s > 0.0) {
+      EXPECT_NEAR(last, (20e-3 + 2e-3) / speed_m_per_s / dt.si() + 20.0, 5.0);
+    } else {
+      EXPECT_EQ(model.ramp(), 1.0);
+    }
+  }
 }
 
 /// Ticks of contact in 10 s of noise of 0.02 N m about each axis, where a torque counts ten times, then until `torque_n` is a contact.

@@ -80,8 +80,8 @@ class JointModelMaster final : public Copyable<JointModelMaster<N>, MasterTransp
 
   InternalModelMaster<N> arm_;
   std::optional<InternalModelMaster<1>> fingers_;
-  int axis_ = 0;         ///< of the fingers
-  PeerState<1> slave_;   ///< what it says of them
+  int axis_ = 0;        ///< of the fingers
+  PeerState<1> slave_;  ///< what it says of them
   MasterSays<N> said_by_master_;
 };
 

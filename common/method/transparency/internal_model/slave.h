@@ -209,7 +209,7 @@ class InternalModelSlave final : public Copyable<InternalModelSlave<N>, SlaveTra
       Point<D> hand = Point<D>::Constant(kHand_n_per_m), least = Point<D>::Constant(k);
       if constexpr (N == kJointPort) least = hand = kHand_n_per_m * estimator_.share();
       low_pass(f_slow_, f, in.dt, kYield_s);
-      wanted = yields_ * (f + k * q - said_.felt.value.vec()).cwiseQuotient((hand.array() + k).matrix());
+      wanted = (yields_ / (hand.array() + k)).matrix().cwiseProduct(f + k * q - said_.felt.value.vec());
       const double most = f_slow_.norm(), size = wanted.cwiseProduct(least).norm();
       if (size > most) wanted *= most / size;
     } else {

@@ -80,7 +80,7 @@ class TorqueContact {
 ///     x', v', f' = (z - LP_20ms z)·n                                  motion and force across the surface, without offset;
 ///                                                                     x' of s, the point of the robot that touches now
 ///     K, B       least squares of f' = K x' + B v', mean over 0.5 s, with K = 2000 N/m as prior at (30 µm)², (3 mm/s)²;
-///                only where |x'| >= 0.8 |s - LP_20ms s| and |f'| > 0.05 N: pressed, not slid
+///                only where |x'| >= 0.8 |s - LP_20ms s|: pressed, not slid; and |f'| > 0.05 N or |x'| > 0.5 mm, as of a weight
 ///     v_q        = LP_10ms[LP_20ms v - (f - LP_20ms f)/(20 ms K)]     velocity of x - f/K, which moves along the surface
 ///     f_q        = LP_10ms LP_20ms f                                  same filters: friction does not tilt the normal
 ///     sliding    |v_q| > 8 mm/s and |f_q·u| < 0.75 |f_q|, u = v_q/|v_q|:
@@ -122,7 +122,8 @@ class SurfaceEstimator {
   static constexpr double kSlow_s = 20e-3, kSlower_s = 10e-3;
   static constexpr double kStiffnessMemory_s = 0.5, kPrior_n_per_m = 2000.0, kPriorTravel_m = 30e-6,
                           kPriorSpeed_m_per_s = 3e-3;
-  static constexpr double kLeast_n_per_m = 100.0, kMost_n_per_m = 50000.0, kPressed = 0.8, kLeastForce_n = 0.05;
+  static constexpr double kLeast_n_per_m = 100.0, kMost_n_per_m = 50000.0, kPressed = 0.8, kLeastForce_n = 0.05,
+                          kLeastTravel_m = 0.5e-3;
   static constexpr double kSlidingSpeed_m_per_s = 8e-3, kMostFriction = 0.75, kNormal_s = 30e-3, kFriction_s = 50e-3;
   static constexpr double kRestNormal_s = 0.1, kRestAge_s = 0.3, kFrictionless = 0.05, kRestCosine = 0.970;  // 14°
   static constexpr double kCurvatureMemory_m = 15e-3, kCurvaturePrior_m = 4.5e-3, kMostCurvature_per_m = 200.0;
@@ -151,7 +152,9 @@ class SurfaceEstimator {
     const Point<D> moved = s - x_slow_;
     const double travel = moved.dot(patch_.normal), force = (f - f_slow_).dot(patch_.normal);
     const double speed = (v - v_slow_).dot(patch_.normal);
-    if (std::abs(travel) < kPressed * moved.norm() || std::abs(force) < kLeastForce_n) return;
+    if (std::abs(travel) < kPressed * moved.norm() ||
+        (std::abs(force) < kLeastForce_n && std::abs(travel) < kLeastTravel_m))
+      return;
     low_pass(xx_, travel * travel, dt, kStiffnessMemory_s);
     low_pass(xv_, travel * speed, dt, kStiffnessMemory_s);
     low_pass(vv_, speed * speed, dt, kStiffnessMemory_s);

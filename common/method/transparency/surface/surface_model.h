@@ -15,8 +15,9 @@ namespace twoport {
 ///     contact, no model      model = estimate, ρ = 0
 ///     contact                (d, m) = the model's depth and normal at the estimate's p
 ///                            n = m + a (n' - m),  p = p' - (1 - a) d m,  likewise K*, κ,   a = T/50 ms;   μ: T/100 ms
-///     free or K* = 0, d(x_s) > 2 mm    p += T/20 ms (d - 2 mm) n: no surface where the robot is free;   > 20 mm: no model
-///     ρ rises from 0 to 1 in 0.1 s
+///     free or K* = 0, d(x_s) > 2 mm    p += y n, y = T/20 ms (d - 2 mm): no surface where the robot is free;   ρ -= y/20 mm
+///                                      ρ < 0 or d(x_s) > 20 mm: no model. What was lifted, and left, hangs in no other place
+///     else                             ρ rises to 1 in 0.1 s
 ///
 /// n', p', K*', κ': the slave's estimate. d(x_s): depth of the robot in the model.
 template <int D>
@@ -30,6 +31,7 @@ class SurfaceModel {
 
   /// `estimate` of the newest packet, whose normal may be any vector; `robot`: the robot's contact point in it.
   void step(bool contact, SurfacePatch<D> estimate, const Vector& robot, Seconds dt) noexcept {
+    double rise = dt.si() / kRamp_s;
     if (contact && make_valid(estimate)) {
       if (exists_) {
         follow(estimate, dt);
@@ -39,9 +41,12 @@ class SurfaceModel {
         ramp_ = 0.0;
       }
     } else if (exists_) {
-      yield_to(robot, dt);
+      const double yielded_m = yield_to(robot, dt);
+      if (yielded_m > 0.0) rise = -yielded_m / kForget_m;
     }
-    if (exists_) ramp_ = std::min(1.0, ramp_ + dt.si() / kRamp_s);
+    if (!exists_) return;
+    ramp_ = std::min(1.0, ramp_ + rise);
+    if (ramp_ < 0.0) forget();
   }
 
   [[nodiscard]] bool exists() const noexcept { return exists_; }
@@ -87,10 +92,14 @@ class SurfaceModel {
     low_pass(patch_.friction, estimate.friction, dt, kFriction_s);
   }
 
-  void yield_to(const Vector& robot, Seconds dt) noexcept {
+  /// y.
+  double yield_to(const Vector& robot, Seconds dt) noexcept {
     const SurfaceDepth<D> at = patch_.at(robot);
-    if (at.depth > kForget_m) return forget();
-    if (at.depth > kYield_m) patch_.point += low_pass_weight(dt, kYield_s) * (at.depth - kYield_m) * at.normal;
+    if (at.depth > kForget_m) forget();
+    if (!exists_ || at.depth <= kYield_m) return 0.0;
+    const double yielded_m = low_pass_weight(dt, kYield_s) * (at.depth - kYield_m);
+    patch_.point += yielded_m * at.normal;
+    return yielded_m;
   }
 
   SurfacePatch<D> patch_;
