@@ -27,7 +27,7 @@ class VirtualStick {
   VirtualStick() {
     libevdev* d = libevdev_new();
     libevdev_set_name(d, "twoport test stick");
-    for (const unsigned code : {ABS_X, ABS_Y}) {
+    for (const auto code : {unsigned{ABS_X}, unsigned{ABS_Y}}) {
       input_absinfo a{};
       a.minimum = -1000;
       a.maximum = 1000;
