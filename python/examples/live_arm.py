@@ -5,6 +5,7 @@
 """
 import math
 import sys
+from typing import Union
 
 import twoport
 
@@ -19,9 +20,11 @@ def follower(t_s, q, out):  # servos that lag by ten ticks
     return [a + 0.1 * (b - a) for a, b in zip(q, out.set_point)] if out and out.mode == "coupled" else q
 
 
-role, scene, address = sys.argv[1:4]
-side = {"leader": twoport.LiveMaster, "follower": twoport.LiveSlave}[role](twoport.load_scene(scene, "rate_hz=200"), address)
-arm, q, out, moved = {"leader": leader, "follower": follower}[role], START, None, 0.0
+role, file, address = sys.argv[1:4]
+scene, arm = twoport.load_scene(file, "rate_hz=200"), {"leader": leader, "follower": follower}[role]
+Side = Union[twoport.LiveMaster, twoport.LiveSlave]
+side: Side = twoport.LiveMaster(scene, address) if role == "leader" else twoport.LiveSlave(scene, address)
+q, out, moved = START, None, 0.0
 while (t_s := side.wait()) < 4.0:
     before, q = q, arm(t_s, q, out)
     out = side.step(q, [(a - b) * side.rate_hz for a, b in zip(q, before)])

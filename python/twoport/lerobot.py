@@ -14,7 +14,7 @@ import math
 import pathlib
 import sys
 import time
-from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -318,7 +318,7 @@ class Robot(_Shared):
     def get_observation(self) -> Dict[str, Any]:
         self._need_connection("get_observation")
         if not self._arm:
-            return dict(self._teleop._seen)
+            return dict(self._teleop._seen or {})
         self._teleop._seen = seen = self._arm.arm.get_observation()
         return {**self._arm.named("torque", self._arm.torque), **seen}
 
@@ -423,7 +423,9 @@ def write_dataset(
     if folder.exists() and any(folder.iterdir()):
         raise ValueError(f"{folder} is not empty; a dataset needs a folder of its own")
     (folder / "meta").mkdir(parents=True, exist_ok=True)
-    episodes, units, first = [], {}, 0
+    episodes: List[Dict[str, Any]] = []
+    units: Dict[str, str] = {}
+    first = 0
     for path in recordings:
         recording = load_recording(path)
         if len(recording.trace) == 0:

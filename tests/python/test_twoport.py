@@ -16,6 +16,7 @@ import os
 import pathlib
 import pickle
 import re
+import shutil
 import signal
 import struct
 import subprocess
@@ -958,6 +959,13 @@ class Hints(unittest.TestCase):
         self.assertEqual(names, set(twoport.__all__))
         public = {name for name in dir(twoport) if not name.startswith("_")}
         self.assertEqual(public, {name for name in names if not name.startswith("_")})
+
+    @unittest.skipUnless(shutil.which("mypy"), "mypy is not installed")
+    def test_the_examples_pass_a_type_checker(self):
+        for example in sorted((ROOT / "python/examples").glob("*.py")):
+            checked = subprocess.run(["mypy", "--ignore-missing-imports", "--cache-dir=/dev/null", str(example)], capture_output=True, text=True,
+                                     env={**os.environ, "MYPYPATH": str(ROOT / "python")})
+            self.assertEqual(checked.returncode, 0, checked.stdout)
 
     def same_members(self, node, cls):
         self.assertTrue(inspect.getdoc(cls), node.name)
