@@ -7,7 +7,7 @@
 // `--robot PATH.so[:ARGS]`. This file needs no other and no library; a plug-in is built as in docs/examples/plugin.
 //
 // SI units; arrays of six are translation first, then rotation, in world axes. Attitudes are unit quaternions w x y z.
-// A device of fewer degrees of freedom leaves the other numbers as they are. An arm that is coupled joint by joint is an Arm.
+// A device of fewer degrees of freedom leaves the other numbers as they are. An arm that is coupled joint by joint is a JointArm.
 //
 // All calls come from one thread, in the order: constructor, info(), sense() once, then sense() and actuate() in every period;
 // start() between two of them; release() when the loop has ended; destructor. The constructor opens the hardware and throws a
@@ -21,7 +21,7 @@ namespace twoport::plugin {
 /// differs. A program loads plug-ins from kOldestVersion to kVersion.
 inline constexpr std::uint32_t kVersion = 3;
 inline constexpr std::uint32_t kOldestVersion = 1;
-/// Of Arm, which has entry points of its own.
+/// Of JointArm, which has entry points of its own.
 inline constexpr std::uint32_t kArmVersion = 1;
 
 /// What the program asks for.
@@ -149,9 +149,9 @@ struct ArmCommand {
 };
 
 /// An arm whose port is its joints (space JOINTS), as leader or as follower. Calls as of Device and Robot.
-class Arm {
+class JointArm {
  public:
-  virtual ~Arm() = default;
+  virtual ~JointArm() = default;
   virtual ArmInfo info() const = 0;
   virtual ArmReading sense(double now_s, double ended_s) = 0;
   virtual void actuate(const ArmCommand& command) = 0;
@@ -169,12 +169,12 @@ struct Entry {
 
 }  // namespace twoport::plugin
 
-/// Makes the library a plug-in: Class derives from twoport::plugin::Device (Robot, Arm) and is constructed from a Session. A leader is
+/// Makes the library a plug-in: Class derives from twoport::plugin::Device (Robot, JointArm) and is constructed from a Session. A leader is
 /// for --device, a follower for --robot. A library may have several.
 #define TWOPORT_DEVICE_PLUGIN(Class) TWOPORT_PLUGIN_ENTRY(twoport_device_plugin, Device, Class, kVersion)
 #define TWOPORT_ROBOT_PLUGIN(Class) TWOPORT_PLUGIN_ENTRY(twoport_robot_plugin, Robot, Class, kVersion)
-#define TWOPORT_LEADER_PLUGIN(Class) TWOPORT_PLUGIN_ENTRY(twoport_leader_plugin, Arm, Class, kArmVersion)
-#define TWOPORT_FOLLOWER_PLUGIN(Class) TWOPORT_PLUGIN_ENTRY(twoport_follower_plugin, Arm, Class, kArmVersion)
+#define TWOPORT_LEADER_PLUGIN(Class) TWOPORT_PLUGIN_ENTRY(twoport_leader_plugin, JointArm, Class, kArmVersion)
+#define TWOPORT_FOLLOWER_PLUGIN(Class) TWOPORT_PLUGIN_ENTRY(twoport_follower_plugin, JointArm, Class, kArmVersion)
 #define TWOPORT_PLUGIN_ENTRY(symbol, Interface, Class, number)                                                      \
   extern "C" __attribute__((visibility("default"))) const twoport::plugin::Entry<twoport::plugin::Interface>*       \
   symbol() {                                                                                                        \

@@ -204,7 +204,7 @@ Opened<Interface> open(const Kind& kind, const std::string& flag, const PluginCh
       const auto info = info_of(*hardware, entry.version);
       why = defect(info);
       if (why.empty()) why = mismatch(info, dof);
-      if constexpr (!std::is_same_v<Interface, plugin::Arm>)
+      if constexpr (!std::is_same_v<Interface, plugin::JointArm>)
         if (why.empty()) opened.gripper = gripper_of(*hardware, entry.version, why);
     }
   } catch (...) {
@@ -402,13 +402,13 @@ void command(plugin::Robot& robot, const RobotCommand<N>& c) {
   robot.actuate(plain);
 }
 
-void command(plugin::Arm& leader, const Force<kJointPort>& f) {
+void command(plugin::JointArm& leader, const Force<kJointPort>& f) {
   plugin::ArmCommand plain;
   const Force<kJointPort> on_arm = -f;
   std::copy_n(on_arm.vec().data(), kJointPort, plain.torque);
   leader.actuate(plain);
 }
-void command(plugin::Arm& follower, const RobotCommand<kJointPort>& c) {
+void command(plugin::JointArm& follower, const RobotCommand<kJointPort>& c) {
   plugin::ArmCommand plain;
   std::copy_n(c.f.vec().data(), kJointPort, plain.torque);
   std::copy_n(c.x_d.translation().data(), kJointPort, plain.position);
@@ -420,7 +420,7 @@ void command(plugin::Arm& follower, const RobotCommand<kJointPort>& c) {
 template <template <int> class Hardware, int N>
 struct Types {
   static constexpr bool kArm = N == kJointPort;
-  using Interface = std::conditional_t<kArm, plugin::Arm, plugin::Device>;
+  using Interface = std::conditional_t<kArm, plugin::JointArm, plugin::Device>;
   using Info = DeviceInfo;
   using Reading = std::conditional_t<kArm, plugin::ArmReading, plugin::DeviceReading>;
   using Sample = DeviceSample<N>;
@@ -431,7 +431,7 @@ struct Types {
 template <int N>
 struct Types<Robot, N> {
   static constexpr bool kArm = N == kJointPort;
-  using Interface = std::conditional_t<kArm, plugin::Arm, plugin::Robot>;
+  using Interface = std::conditional_t<kArm, plugin::JointArm, plugin::Robot>;
   using Info = RobotInfo;
   using Reading = std::conditional_t<kArm, plugin::ArmReading, plugin::RobotReading>;
   using Sample = RobotSample<N>;

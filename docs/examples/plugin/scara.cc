@@ -10,7 +10,7 @@ namespace {
 
 using namespace twoport::plugin;
 
-class ScaraArm : public Arm {
+class ScaraArm : public JointArm {
  public:
   explicit ScaraArm(bool in_hand) : arm_{in_hand} {}
   ArmInfo info() const override {

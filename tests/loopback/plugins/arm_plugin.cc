@@ -18,7 +18,7 @@ namespace {
 
 using namespace twoport::plugin;
 
-class OddArm : public Arm {
+class OddArm : public JointArm {
  public:
   OddArm(const Session& session, bool in_hand) : in_hand_{in_hand}, defect_{session.arguments} {
     if (const auto equals = defect_.find('='); equals != std::string::npos) {

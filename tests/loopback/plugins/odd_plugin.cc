@@ -77,9 +77,10 @@ class OddDevice final : public Device {
 };
 
 /// Follows its set point exactly.
-class OddRobot final : public Robot {
+/// Its name is the user's own: no class of the interface is called so.
+class Arm final : public Robot {
  public:
-  explicit OddRobot(const Session& session) : defect_{session.arguments} {}
+  explicit Arm(const Session& session) : defect_{session.arguments} {}
   RobotInfo info() const override {
     RobotInfo info;
     info.name = "odd robot";
@@ -108,4 +109,4 @@ class OddRobot final : public Robot {
 }  // namespace
 
 TWOPORT_DEVICE_PLUGIN(OddDevice)
-TWOPORT_ROBOT_PLUGIN(OddRobot)
+TWOPORT_ROBOT_PLUGIN(Arm)
