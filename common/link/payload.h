@@ -14,7 +14,7 @@ namespace twoport {
 template <int N>
 inline constexpr std::size_t kMostWords = N == kJointPort ? 40 : 24;
 
-/// The method's numbers in a packet, flat: `count` of them, the rest unset. Bit i of `totals` marks number i as a
+/// The method's numbers in a packet, flat: `count` of them, the rest unset. Bit i of `totals` marks number i of the first 32 as a
 /// running total. Copies transfer only the numbers in use.
 struct Words {
   static constexpr std::size_t kMost = kMostWords<kJointPort>;
