@@ -188,11 +188,11 @@ struct ClockSpec {
 
 struct Scene {
   std::string name, description;
-  int dof;            ///< of a port; kJointPort where its coordinates are joints
-  int joints = 0;     ///< number of those; 0: the ports are handle and tool
-  double duration_s;  ///< infinity: until somebody ends it; live runs only
-  double rate_hz, master_rate_hz, slave_rate_hz;
-  std::uint64_t seed;
+  int dof = 0;              ///< of a port; kJointPort where its coordinates are joints
+  int joints = 0;           ///< number of those; 0: the ports are handle and tool
+  double duration_s = 0.0;  ///< infinity: until somebody ends it; live runs only
+  double rate_hz = 0.0, master_rate_hz = 0.0, slave_rate_hz = 0.0;
+  std::uint64_t seed = 0;
   std::optional<OperatorSpec> operator_model;
   std::optional<DeviceSpec> device;
   ControlOptions control;
@@ -214,6 +214,14 @@ struct Scene {
   std::shared_ptr<const SceneSource> source{};
   std::optional<FingerSpec> finger{};  ///< of the operator; ports of joints only
   std::optional<ObjectSpec> object{};  ///< the same
+
+  // Compiled once: what a copy does is long.
+  Scene();
+  Scene(const Scene&);
+  Scene(Scene&&) noexcept;
+  Scene& operator=(const Scene&);
+  Scene& operator=(Scene&&) noexcept;
+  ~Scene();
 
   /// Coordinates of a port that there are.
   [[nodiscard]] int coordinates() const { return joints > 0 ? joints : dof; }

@@ -41,6 +41,9 @@ consteval std::size_t count_fields() {
 /// Number of fields of a struct without a base class.
 template <class T>
 inline constexpr std::size_t kFields = count_fields<T>();
+/// It is no aggregate. A wrong number does not compile.
+template <>
+inline constexpr std::size_t kFields<Scene> = 29;
 
 /// Calls see(field...) with all fields of a struct. C++20 has no bindings of any number, so there is a
 /// branch for each.
