@@ -50,7 +50,7 @@ class Nodes {
   [[nodiscard]] LinkUse use() const { return nodes_.use(); }
 
   /// A tick: every `width`-th of `numbers` is of this simulation, as numbers_of_slave() and numbers_of_master() name them.
-  TWOPORT_FLATTEN void slave_tick(double* numbers, std::size_t width) noexcept {
+  void slave_tick(double* numbers, std::size_t width) noexcept {
     const auto at = [&](std::size_t field) -> double& { return numbers[field * width]; };
     const Force<N> environment{vector_at(numbers + 2 * N * width, width)};
     touching_ = held_by_environment_ || environment.squared_norm() > 0.0;
@@ -68,7 +68,7 @@ class Nodes {
     at(6 * N + 1) = static_cast<double>(out.mode);
     at(6 * N + 2) = out.dissipated.si();
   }
-  TWOPORT_FLATTEN void master_tick(double* numbers, std::size_t width) noexcept {
+  void master_tick(double* numbers, std::size_t width) noexcept {
     const auto at = [&](std::size_t field) -> double& { return numbers[field * width]; };
     GivenReading<DeviceSample<N>> device{{Position<N>{vector_at(numbers, width)},
                                           Velocity<N>{vector_at(numbers + N * width, width)},

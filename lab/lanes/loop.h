@@ -78,7 +78,7 @@ struct Loop {
     v += sixth * (a0 + two * (ab + ac) + ad);
   }
   /// FixedStepPlant::advance.
-  [[gnu::noinline]] void step_robot(M moves) {
+  void step_robot(M moves) {
     Vector x = s.slave_x, v = s.slave_v;
     for (int step = 0; step < b.substeps; ++step)
       runge_kutta(V{}, x, v, [&](V, const Vector& at, const Vector& speed) {
@@ -88,7 +88,7 @@ struct Loop {
     set(moves, s.slave_v, v);
   }
   /// HandlePlant::step_fixed: by how much the handle moves under the load u + w t, and its velocity then.
-  [[gnu::noinline]] void step_handle(const Vector& u, const Vector& w, Vector& by, Vector& v) const {
+  void step_handle(const Vector& u, const Vector& w, Vector& by, Vector& v) const {
     by = Vector{}, v = s.master_v;
     for (int step = 0; step < b.substeps; ++step)
       runge_kutta((double)step * p.step_s, by, v, [&](V time, const Vector& at, const Vector& speed) {
@@ -134,7 +134,7 @@ struct Loop {
     put(first, moves, s.slave_v, v);
   }
   /// The lanes in which contact changes, by the laboratory's plant.
-  [[gnu::noinline]] void step_alone(unsigned lanes, Vector& x, Vector& v, V (&across)[2], M& in) {
+  void step_alone(unsigned lanes, Vector& x, Vector& v, V (&across)[2], M& in) {
     for (int lane = 0; lane < kLanes; ++lane) {
       if ((lanes >> lane & 1U) == 0) continue;
       double io[3 * N + 3];
@@ -209,7 +209,7 @@ struct Loop {
       return out;
     }
   };
-  [[gnu::noinline]] V gathered(const double* ring, int way, int words, int number) const {
+  V gathered(const double* ring, int way, int words, int number) const {
     V out{};
     for (int lane = 0; lane < kLanes; ++lane) {
       const std::int64_t slot = (b.clock - (std::int64_t)p.lag[way][lane]) & (b.slots - 1);
@@ -402,7 +402,7 @@ struct Loop {
   }
 
   /// The slave's node, lane by lane.
-  [[gnu::noinline]] void slave_nodes() {
+  void slave_nodes() {
     V io[numbers_of_slave(N)]{};
     write(io, s.slave_x);
     write(io + N, s.slave_v);
@@ -415,7 +415,7 @@ struct Loop {
     s.slave_mode = io[6 * N + 1];
     slave_dissipated = io[6 * N + 2];
   }
-  [[gnu::noinline]] void master_nodes() {
+  void master_nodes() {
     V io[numbers_of_master(N)]{};
     write(io, s.master_x);
     write(io + N, s.master_v);
@@ -635,7 +635,7 @@ struct Loop {
     set(acts, f, scale * f);
   }
   /// DelayedForce: while nothing is heard the environment's force goes on, as old as it was.
-  [[gnu::noinline]] void remember_force(unsigned lanes) {
+  void remember_force(unsigned lanes) {
     constexpr int kWords = words_to_master(N, kMethod);
     for (int lane = 0; lane < kLanes; ++lane) {
       if ((lanes >> lane & 1U) == 0) continue;
@@ -646,7 +646,7 @@ struct Loop {
     }
   }
 
-  [[gnu::noinline]] V squared_angle(unsigned lanes, const Vector& u, const Vector& f, V u2, V f2) {
+  V squared_angle(unsigned lanes, const Vector& u, const Vector& f, V u2, V f2) {
     V out{};
     for (int lane = 0; lane < kLanes; ++lane) {
       if ((lanes >> lane & 1U) == 0) continue;
@@ -821,7 +821,7 @@ struct Loop {
     return diverged;
   }
   /// A tick in which a lane's first one may be.
-  [[gnu::noinline]] unsigned first_tick() { return tick(true); }
+  unsigned first_tick() { return tick(true); }
 };
 
 // Every call in it inlined: FORCE_PROJECTED is then 7 % faster.

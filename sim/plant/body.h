@@ -9,7 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/sanitized.h"
 #include "common/contact/environment.h"
 #include "common/scene/scene.h"
 #include "sim/plant/body_plant.h"
@@ -121,7 +120,7 @@ class Body {
     return slope(v, f, environment);
   }
   /// With all contacts, which are returned in `touched`.
-  TWOPORT_FLATTEN Slope slope(const Motion& m, const Vector& f, Contacts& touched) const noexcept {
+  Slope slope(const Motion& m, const Vector& f, Contacts& touched) const noexcept {
     touched.clear();
     double friction = 0.0;
     Vector v = velocity(m), environment = Vector::Zero();
@@ -137,8 +136,7 @@ class Body {
   }
 
   /// A classical Runge-Kutta step of h from m, where the slope is a.
-  TWOPORT_FLATTEN Motion runge_kutta(const Motion& m, const Slope& a, const Vector& f, const Contacts* among,
-                                     double h) const noexcept {
+  Motion runge_kutta(const Motion& m, const Slope& a, const Vector& f, const Contacts* among, double h) const noexcept {
     Vector xa = position_rate(Vector::Zero(), a.v);
     Slope b = slope_among(moved(m, 0.5 * h * xa, 0.5 * h * a.p), f, among);
     Vector xb = position_rate(0.5 * h * xa, b.v);

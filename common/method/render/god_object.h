@@ -247,7 +247,7 @@ class GodObject {
 
   /// Moves x towards the goal. `free`: x is known to penetrate nothing. True if it ends so. With friction moved_anchors_ and
   /// solved_friction_energy_ go with x.
-  [[gnu::noinline]] bool solve(Position<N>& x, const Position<N>& goal, bool free) noexcept;
+  bool solve(Position<N>& x, const Position<N>& goal, bool free) noexcept;
 
   /// The step y from x to the goal, both scaled, under normal forces and friction.
   void solve_with_friction(const Position<N>& x, Vector& y) noexcept {

@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/sanitized.h"
 #include "common/contact/environment.h"
 #include "common/coupling/options.h"
 #include "common/method/render/god_object.h"
@@ -188,8 +187,8 @@ Rendering<N>::Rendering(const ControlOptions& o, Environment<N> environment)
 }
 
 template <int N>
-TWOPORT_FLATTEN auto Rendering<N>::step(const PortMotion<N>& port, const Force<N>& applied, Seconds dt,
-                                        Seconds ended) noexcept -> Output {
+auto Rendering<N>::step(const PortMotion<N>& port, const Force<N>& applied, Seconds dt, Seconds ended) noexcept
+    -> Output {
   evaluate(port);
   book(port, applied, ended);
   if (options_.reference_energy) potentials(port.x + port.v * dt, &Account::next_potential);
