@@ -15,6 +15,7 @@ cmake -S "$root" -B "$work/build" -G Ninja -D TWOPORT_COMPONENTS=passivity -D "C
 cmake --build "$work/build" >"$work/log"
 cmake --install "$work/build" --prefix "$work/prefix" >"$work/log"
 took=$((($(date +%s%N) - before) / 1000000))
+[ -f "$work/build/include/twoport/version.h" ] || fail "a program that has this project in a subdirectory finds no version.h"
 looked_for=$(sed -n 's/^\(\w*\)_DIR:PATH=.*/\1/p' "$work/build/CMakeCache.txt" | tr '\n' ' ')
 [ "$looked_for" = "Eigen3 " ] || fail "looked for: $looked_for"
 eigen=$(sed -n 's/^Eigen3_DIR:PATH=//p' "$work/build/CMakeCache.txt")
@@ -30,6 +31,18 @@ grep -rn --include='*.h' -E '#include ["<](common|sim|drivers|master|slave|proto
 version=$(sed -n 's/^set(PACKAGE_VERSION "\(.*\)")/\1/p' "$work/moved"/lib*/cmake/twoport/twoport-config-version.cmake)
 header=$(sed -n 's/^#define TWOPORT_VERSION_[A-Z]* //p' "$work/moved/include/twoport/version.h" | paste -s -d .)
 [ -n "$version" ] && [ "$header" = "$version" ] || fail "version.h says $header, the package $version"
+
+# Both components in one prefix, one after the other, are found.
+cmake -S "$root" -B "$work/build" -G Ninja -D TWOPORT_COMPONENTS=plugin -D "CMAKE_CXX_COMPILER=$compiler" >"$work/log"
+cmake --install "$work/build" --prefix "$work/moved" >"$work/log"
+mkdir "$work/user"
+cat >"$work/user/CMakeLists.txt" <<'CMAKE'
+cmake_minimum_required(VERSION 3.16)
+project(user CXX)
+find_package(twoport REQUIRED COMPONENTS passivity plugin)
+CMAKE
+cmake -S "$work/user" -B "$work/user/build" -G Ninja -D "CMAKE_PREFIX_PATH=$work/moved" -D "Eigen3_DIR=$eigen" >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }
+rm -r "$work/build"
 
 # A name that is no component is refused with what may stand there.
 cmake -S "$root" -B "$work/build" -G Ninja -D TWOPORT_COMPONENTS=nonsense -D "CMAKE_CXX_COMPILER=$compiler" >"$work/log" 2>&1 && fail "nonsense was built"

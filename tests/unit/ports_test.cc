@@ -1,9 +1,12 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <limits>
+
 #include "common/passivity/passivated.h"
 #include "common/ports/port.h"
 
-namespace twoport {
+namespace twoport::ports_test {
 namespace {
 
 /// Impedance. f(k) = K x(k), with x the sum of v T: what a sampled spring answers.
@@ -73,5 +76,39 @@ TEST(Passivated, OfSixAxesNeedsARotationalStiffness) {
   EXPECT_NO_THROW((Passivated{Spring<6>{1.0}, options}));
 }
 
+TEST(Passivated, RefusesOptionsThatHaveNoSense) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const EnergySpringOptions right{.stiffness_n_per_m = 1000.0, .initial = Energy{1e-3}};
+  const auto spring = [&](auto member, auto value) {
+    EnergySpringOptions o = right;
+    o.*member = value;
+    return Passivated{Spring<1>{1.0}, o};
+  };
+  for (const double value : {-1.0, nan}) {
+    EXPECT_THROW(spring(&EnergySpringOptions::stiffness_n_per_m, value), std::invalid_argument) << value;
+    EXPECT_THROW(spring(&EnergySpringOptions::mass_kg, value), std::invalid_argument) << value;
+    EXPECT_THROW(spring(&EnergySpringOptions::initial, Energy{value}), std::invalid_argument) << value;
+    for (const auto member : {&ControllerOptions::max_gain, &ControllerOptions::mass_kg,
+                              &ControllerOptions::max_turn_rad, &ControllerOptions::radius_of_gyration_m}) {
+      ControllerOptions o{.method = Method::classic};
+      o.*member = value;
+      EXPECT_THROW((Passivated{Spring<1>{1.0}, o}), std::invalid_argument) << value;
+    }
+  }
+  EXPECT_THROW(spring(&EnergySpringOptions::initial, Energy{}), std::invalid_argument);
+  EXPECT_THROW((Passivated{Spring<1>{1.0}, ControllerOptions{}, Energy{nan}}), std::invalid_argument);
+}
+
+TEST(Passivated, BooksNothingInAPeriodThatIsNone) {
+  const double infinity = std::numeric_limits<double>::infinity();
+  Passivated spring{Spring<1>{1000.0}, EnergySpringOptions{.stiffness_n_per_m = 1000.0, .initial = Energy{1e-3}}};
+  Passivated projected{Spring<1>{1000.0}, ControllerOptions{.method = Method::force_projected}};
+  const Velocity<1> v{Velocity<1>::Vector{0.1}};
+  for (const double dt : {1e-3, infinity, 0.0, -1e-3, 1e-3})
+    for (const double f : {spring.step(v, Seconds{dt})[0], projected.step(v, Seconds{dt})[0]})
+      EXPECT_TRUE(std::isfinite(f) && (dt == 1e-3 || f == 0.0)) << dt;
+  EXPECT_TRUE(std::isfinite(spring.energy().si()) && std::isfinite(projected.energy().si()));
+}
+
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::ports_test
