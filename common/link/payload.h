@@ -137,6 +137,31 @@ inline const double* take(const double* from, RunningTotal& field) noexcept {
   return take(from, field.value);
 }
 
+/// Words of a field, and whether it is of eight joints.
+template <class T>
+struct Size {
+  static constexpr std::size_t words = 1;
+  static constexpr bool of_joints = false;
+};
+template <class Kind, int N>
+struct Size<Coords<Kind, N>> {
+  static constexpr std::size_t words = N;
+  static constexpr bool of_joints = N == kJointPort;
+};
+template <int N>
+struct Size<Position<N>> {
+  static constexpr std::size_t words = N == 6 ? 7 : N;
+  static constexpr bool of_joints = N == kJointPort;
+};
+template <class T>
+struct Size<Latest<T>> : Size<T> {};
+
+template <class... Field>
+constexpr bool fits(const std::tuple<Field&...>*) {
+  return (Size<std::remove_const_t<Field>>::words + ... + 0) <=
+         ((Size<std::remove_const_t<Field>>::of_joints || ...) ? kMostWords<kJointPort> : kMostWords<1>);
+}
+
 }  // namespace payload
 
 /// Writes a method's payload to a packet: a struct of Latest and RunningTotal fields that lists them:
@@ -148,6 +173,7 @@ inline const double* take(const double* from, RunningTotal& field) noexcept {
 ///     };
 template <class Payload>
 void write(Payload p, Words& to) noexcept {
+  static_assert(payload::fits(static_cast<decltype(p.fields())*>(nullptr)), "a payload has at most kMostWords words");
   to.count = 0, to.totals = 0;
   std::apply([&](const auto&... field) { (payload::put(to, field), ...); }, p.fields());
 }

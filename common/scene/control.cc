@@ -115,7 +115,7 @@ bool read_layers(const Block<schema::Control>& of, ControlOptions& options) {
   if (transparency->has_layer()) name = schema::Transparency::Layer_Name(transparency->layer());
   name += '+';
   name += passivity->has_layer() ? schema::PassivityLayer::Name_Name(passivity->layer()) : below;
-  choose_method(options, name);
+  if (!choose_method(options, name)) of.fail(fmt::format("no pair of layers of this build is {}", name));
   return true;
 }
 
