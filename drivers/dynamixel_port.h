@@ -73,7 +73,7 @@ class Port {
   /// To servos that do not answer. One that is cut short by an adapter that is gone is none.
   void tell(const Message& m) noexcept {
     const Packet packet{m};
-    static_cast<void>(write(fd_, packet.bytes().data(), packet.bytes().size()) < 0);
+    static_cast<void>(::write(fd_, packet.bytes().data(), packet.bytes().size()) < 0);
   }
   /// What has come before is no answer.
   void ask(const Message& m) noexcept {
@@ -97,7 +97,7 @@ class Port {
  private:
   bool hear() noexcept {
     std::array<std::uint8_t, 256> bytes;
-    const ssize_t n = read(fd_, bytes.data(), bytes.size());
+    const ssize_t n = ::read(fd_, bytes.data(), bytes.size());
     if (n > 0) reader_.add({bytes.data(), static_cast<std::size_t>(n)});
     return n > 0;
   }

@@ -121,15 +121,15 @@ int chart_command(const ChartArguments& a) {
   }
   if (a.for_error > 0.0) {
     const char* const unit = a.chart.answer ? "" : " m";
-    const Point* best = cheapest(c.points, a.for_error, c.floor_off);
+    const ChartPoint* best = cheapest(c.points, a.for_error, c.floor_off);
     if (best == nullptr)
       throw ConfigError{fmt::format(
           "--for-error {}: no point is known to be as accurate; the reference itself is uncertain by {:.1g}{}",
           a.for_error, c.floor_off, unit)};
     fmt::print("for {}{}: {}\n", a.for_error, unit, told(c, *best));
-    const auto of_peer = [](const Point& p) { return p.peer; };
+    const auto of_peer = [](const ChartPoint& p) { return p.peer; };
     if (std::none_of(c.points.begin(), c.points.end(), of_peer)) return 0;
-    const Point* engine = cheapest(c.points, a.for_error, c.floor_off, of_peer);
+    const ChartPoint* engine = cheapest(c.points, a.for_error, c.floor_off, of_peer);
     best = cheapest(c.points, a.for_error, c.floor_off, std::not_fn(of_peer));
     if (engine == nullptr) {
       fmt::print("no other engine is as accurate\n");

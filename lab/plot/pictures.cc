@@ -442,16 +442,16 @@ std::string draw(const std::vector<BlockCost>& costs, const std::string& title, 
 namespace {
 
 // Pixels.
-constexpr double kAcross = 735.0, kUp = 505.0, kCharacter = 6.2, kLine = 13.0, kBeside = 8.0;
+constexpr double kAcross = 735.0, kUp = 505.0, kLetter = 6.2, kLine = 13.0, kBeside = 8.0;
 
 // Errors at rounding level are drawn at the bottom.
 constexpr double kLeast = 1e-17;
 
 /// [µs] per simulated second; of an answer [ms].
-double cost(const Point& p) {
+double cost(const ChartPoint& p) {
   return p.answer ? 1e3 * p.cost : 1e6 * p.cost;
 }
-double error(const Point& p) {
+double error(const ChartPoint& p) {
   return std::max(p.off, kLeast);
 }
 
@@ -475,14 +475,14 @@ Scale around(Label label, double low, double high) {
 
 /// Names of the points of the front: to the left and below, where no point and no line can be, or to the right and above where a name is
 /// there already or has no room, one below the other.
-std::vector<Series> names_of(const std::vector<const Point*>& front, const Scale& x, const Scale& y) {
+std::vector<Series> names_of(const std::vector<const ChartPoint*>& front, const Scale& x, const Scale& y) {
   const auto along = [](const Scale& s, double value) { return std::log(value / s.low) / std::log(s.high / s.low); };
   const auto moved = [](const Scale& s, double value, double part) { return value * std::pow(s.high / s.low, part); };
   Series left{Look::words, "black", "", 9.0, 1.0}, right{Look::words, "black", "", 9.0, 0.0};
   double last_up = 2.0 * kUp, last_right = 2.0 * kUp;  // of the last name at the left, at the right
-  for (const Point* p : front) {
+  for (const ChartPoint* p : front) {
     const double at = kAcross * along(x, cost(*p)), up = kUp * along(y, error(*p));
-    const bool is_free = last_up - up > kLine && at - kBeside > kCharacter * static_cast<double>(p->name.size());
+    const bool is_free = last_up - up > kLine && at - kBeside > kLetter * static_cast<double>(p->name.size());
     if (is_free) last_up = up;
     const double sign = is_free ? -1.0 : 1.0;
     double name_up = up + sign * 0.5 * kLine;
@@ -496,14 +496,14 @@ std::vector<Series> names_of(const std::vector<const Point*>& front, const Scale
 }  // namespace
 
 std::string draw(const Chart& c, const std::string& title, const std::string& folder) {
-  std::vector<const Point*> front;
+  std::vector<const ChartPoint*> front;
   std::vector<Series> groups;
   std::vector<double> costs, errors;
   std::size_t spare = 0;
   const bool answers = !c.verdict.empty();
   const double floor = c.floor_off;
   if (floor > 0.0) errors.push_back(floor);
-  for (const Point& p : c.points) {
+  for (const ChartPoint& p : c.points) {
     if (!p.impossible.empty()) continue;
     costs.push_back(cost(p));
     if (!p.counts()) continue;
@@ -514,7 +514,7 @@ std::string draw(const Chart& c, const std::string& title, const std::string& fo
       group = groups.insert(group, {p.peer ? Look::triangles : Look::dots, colour_of(p.group, spare), p.group, 1.3});
     group->add({costs.back(), errors.back()});
   }
-  std::sort(front.begin(), front.end(), [](const Point* a, const Point* b) { return a->cost < b->cost; });
+  std::sort(front.begin(), front.end(), [](const ChartPoint* a, const ChartPoint* b) { return a->cost < b->cost; });
   if (errors.empty()) errors.push_back(1.0);
   const auto [least, most] = std::minmax_element(costs.begin(), costs.end());
   const auto [best, worst] = std::minmax_element(errors.begin(), errors.end());
@@ -527,11 +527,11 @@ std::string draw(const Chart& c, const std::string& title, const std::string& fo
   Series limit{Look::line, "#a0a0a0", "uncertainty of the reference"},
       line{Look::dashes, "black", "front: best trade-offs"};
   if (floor > 0.0) limit.add({panel.x.low, floor}), limit.add({panel.x.high, floor});
-  for (const Point* p : front) line.add({cost(*p), error(*p)});
+  for (const ChartPoint* p : front) line.add({cost(*p), error(*p)});
   panel.series = {limit, line};
   panel.series.insert(panel.series.end(), groups.begin(), groups.end());
   Series wrong{Look::crosses, "#d62728", "wrong verdict: at the top"};
-  for (const Point& p : c.points)
+  for (const ChartPoint& p : c.points)
     if (p.impossible.empty() && !p.counts()) wrong.add({cost(p), panel.y.high / 1.05});
   panel.series.push_back(std::move(wrong));
   for (Series& names : names_of(front, panel.x, panel.y)) panel.series.push_back(std::move(names));

@@ -748,14 +748,14 @@ AdversaryRun run_of(const std::string& method, AdversaryRun out, Draw& draw, con
   const double slack = (claim.predicts ? out.unforeseen_j : 0.0) +
                        (claim.tick_at_hand ? 0.5 * stiffness * std::max(1.0, scale) * at.hand_largest2 : 0.0);
   const double slack_of_robot = claim.tick_at_robot ? 0.5 * stiffness * in_master_units(at.robot_largest2) : 0.0;
-  constexpr double kNothing = -std::numeric_limits<double>::infinity();
+  constexpr double kNoBound = -std::numeric_limits<double>::infinity();
   // What the hand does against a prediction is measured of bodies with one mass.
   const bool measured = N != kJointPort || !claim.predicts;
-  out.hand_bound_j = claim.hand && !out.rests && measured ? -initial - slack : kNothing;
+  out.hand_bound_j = claim.hand && !out.rests && measured ? -initial - slack : kNoBound;
   out.both_bound_j =
       claim.both && !out.lies && !out.rests && measured
           ? -initial - (claim.in_hand_joules ? initial : in_master_units(initial)) - slack - slack_of_robot
-          : kNothing;
+          : kNoBound;
   return out;
 }
 

@@ -72,7 +72,7 @@ double rms(const std::vector<double>& v) {
 }
 
 struct Candidate {
-  Point point;
+  ChartPoint point;
   std::vector<std::string> set;
   std::optional<Scene> scene;
   const Peer* peer = nullptr;
@@ -178,7 +178,7 @@ Difference difference(const Course& a, const Course& b) {
 double Answer::off() const {
   return same_verdict ? std::max(felt, beside.value_or(0.0)) : std::numeric_limits<double>::infinity();
 }
-bool Point::counts() const {
+bool ChartPoint::counts() const {
   return impossible.empty() && std::isfinite(off);
 }
 
@@ -329,13 +329,13 @@ Chart chart(const ChartOptions& o, const std::vector<Peer>& peers,
   return result;
 }
 
-void find_front(std::vector<Point>& points, double floor) {
-  const auto off = [&](const Point& p) { return std::max(p.off, floor); };
-  for (Point& p : points) {
+void find_front(std::vector<ChartPoint>& points, double floor) {
+  const auto off = [&](const ChartPoint& p) { return std::max(p.off, floor); };
+  for (ChartPoint& p : points) {
     p.dominated_by.clear();
     if (!p.counts()) continue;
-    const Point* best = nullptr;
-    for (const Point& q : points) {
+    const ChartPoint* best = nullptr;
+    for (const ChartPoint& q : points) {
       if (&q == &p || !q.counts() || q.cost > p.cost || off(q) > off(p)) continue;
       const bool better = q.cost < p.cost || off(q) < off(p);
       if (better && (best == nullptr || off(q) < off(*best))) best = &q;
@@ -344,10 +344,10 @@ void find_front(std::vector<Point>& points, double floor) {
   }
 }
 
-const Point* cheapest(const std::vector<Point>& points, double error, double floor,
-                      const std::function<bool(const Point&)>& may) {
-  const Point* best = nullptr;
-  for (const Point& p : points)
+const ChartPoint* cheapest(const std::vector<ChartPoint>& points, double error, double floor,
+                           const std::function<bool(const ChartPoint&)>& may) {
+  const ChartPoint* best = nullptr;
+  for (const ChartPoint& p : points)
     if (p.counts() && std::max(p.off, floor) <= error && (best == nullptr || p.cost < best->cost) && (!may || may(p)))
       best = &p;
   return best;
@@ -355,9 +355,9 @@ const Point* cheapest(const std::vector<Point>& points, double error, double flo
 
 std::vector<EqualError> beside_engines(const Chart& c) {
   std::vector<EqualError> all;
-  for (const Point& p : c.points)
+  for (const ChartPoint& p : c.points)
     if (p.peer && p.impossible.empty()) {
-      const auto may = [&](const Point& q) { return !q.peer && q.from == p.from; };
+      const auto may = [&](const ChartPoint& q) { return !q.peer && q.from == p.from; };
       all.push_back({&p, cheapest(c.points, std::max(p.off, c.floor_off), 0.0, may)});
     }
   std::sort(all.begin(), all.end(),
@@ -365,7 +365,7 @@ std::vector<EqualError> beside_engines(const Chart& c) {
   return all;
 }
 
-std::string told(const Chart& c, const Point& p) {
+std::string told(const Chart& c, const ChartPoint& p) {
   if (!p.answer)
     return fmt::format("{}, {:.4g} ns a tick, {:.2g} m", p.name, p.ns_per_tick, std::max(p.off, c.floor_off));
   return fmt::format("{}, {:.4g} ms, {}, {}", p.name, 1e3 * p.cost, p.answer->verdict,
@@ -373,16 +373,16 @@ std::string told(const Chart& c, const Point& p) {
 }
 
 std::string to_text(const Chart& c) {
-  std::vector<const Point*> sorted;
-  for (const Point& p : c.points)
+  std::vector<const ChartPoint*> sorted;
+  for (const ChartPoint& p : c.points)
     if (p.impossible.empty()) sorted.push_back(&p);
-  std::sort(sorted.begin(), sorted.end(), [](const Point* a, const Point* b) { return a->cost < b->cost; });
+  std::sort(sorted.begin(), sorted.end(), [](const ChartPoint* a, const ChartPoint* b) { return a->cost < b->cost; });
   const bool answers = !c.verdict.empty();
   std::string out = answers ? fmt::format("{:<44} {:>10}    {:<9} {:>11}", "", "processor", "verdict", "force felt")
                             : fmt::format("{:<44} {:>10} {:>12} {:>11} {:>11} {:>11}", "", "ns a tick", "position rms",
                                           "force rms", "force max", "energy max");
   out += c.boundary ? "    boundary\n" : "\n";
-  for (const Point* p : sorted) {
+  for (const ChartPoint* p : sorted) {
     // What is below the uncertainty of the reference is known to be no larger.
     const auto known = [](double error, double floor) {
       return error < floor ? fmt::format("<{:.1g}", floor) : fmt::format("{:.2g}", error);
@@ -411,7 +411,7 @@ std::string to_text(const Chart& c) {
                ? fmt::format("{}: none of ours is as accurate\n", told(c, *e.engine))
                : fmt::format("{}: {}, {:.3g} times as fast\n", told(c, *e.engine), told(c, *e.own), e.ahead());
   std::set<std::string> reasons;
-  for (const Point& p : c.points)
+  for (const ChartPoint& p : c.points)
     if (!p.impossible.empty() && reasons.insert(p.impossible).second)
       out += fmt::format("not possible: {}: {}\n", p.name, p.impossible);
   return out;
@@ -425,7 +425,7 @@ Table to_table(const Chart& c) {
   if (answers)
     table.columns.insert(table.columns.end(),
                          {"answer_s", "verdict", "same_verdict", "felt_share", "boundary_share", "off"});
-  for (const Point& p : c.points) {
+  for (const ChartPoint& p : c.points) {
     if (!p.impossible.empty()) continue;
     Values& row = table.rows.emplace_back(Values{{p.name, true},
                                                  answers ? Value{} : Value{p.ns_per_tick},
@@ -450,7 +450,7 @@ Table to_table(const Chart& c, const std::vector<EqualError>& engines) {
                       ? std::vector<std::string>{"engine", "answer_s", "off", "own", "own_answer_s", "own_off", "ahead"}
                       : std::vector<std::string>{"engine",          "ns_per_tick",        "position_rms_m", "own",
                                                  "own_ns_per_tick", "own_position_rms_m", "ahead"};
-  const auto cost = [&](const Point& p) { return answers ? p.cost : p.ns_per_tick; };
+  const auto cost = [&](const ChartPoint& p) { return answers ? p.cost : p.ns_per_tick; };
   for (const EqualError& e : engines) {
     Values& row =
         table.rows.emplace_back(Values{{e.engine->name, true}, cost(*e.engine), Value::finite(e.engine->off)});

@@ -39,7 +39,7 @@ struct Answer {
 };
 
 /// One variant of a scene: its cost and its error.
-struct Point {
+struct ChartPoint {
   std::string name, group;   ///< the varied values; the group in the picture
   std::string from{};        ///< what the verdict is made from, where that is varied: tail, lean or plain
   bool peer = false;         ///< result of another engine
@@ -77,7 +77,7 @@ struct ChartOptions {
 };
 
 struct Chart {
-  std::vector<Point> points;
+  std::vector<ChartPoint> points;
   Difference floor{};              ///< of the reference: with half as many substeps
   double floor_off = 0.0;          ///< the same of what is charted
   std::string verdict;             ///< of the reference, where answers are compared
@@ -95,21 +95,21 @@ Chart chart(const ChartOptions& options, const std::vector<Peer>& peers = {},
 
 /// Fills in dominated_by: front of cost against error. A point that does not count is neither on it nor before it. An error below the
 /// uncertainty of the reference, `floor`, counts as that uncertainty, here and below.
-void find_front(std::vector<Point>& points, double floor = 0.0);
+void find_front(std::vector<ChartPoint>& points, double floor = 0.0);
 /// Cheapest point of those that `may` with an error of at most `error`; null when there is none.
-const Point* cheapest(const std::vector<Point>& points, double error, double floor = 0.0,
-                      const std::function<bool(const Point&)>& may = {});
+const ChartPoint* cheapest(const std::vector<ChartPoint>& points, double error, double floor = 0.0,
+                           const std::function<bool(const ChartPoint&)>& may = {});
 
 /// Of each other engine that ran: the cheapest of our points with a verdict made alike whose error is no larger, null when there is none.
 struct EqualError {
-  const Point *engine, *own;
+  const ChartPoint *engine, *own;
   /// Cost of the engine over that of our point, > 1 where we are ahead; 0 without a point.
   [[nodiscard]] double ahead() const { return own == nullptr ? 0.0 : engine->cost / own->cost; }
 };
 std::vector<EqualError> beside_engines(const Chart& chart);
 
 /// "RK4, 1 substep, 44.9 ns a tick, 4.3e-07 m"; of an answer "EXACT, 0.31 ms, STABLE, off by 2.1e-05".
-std::string told(const Chart& chart, const Point& point);
+std::string told(const Chart& chart, const ChartPoint& point);
 std::string to_text(const Chart& chart);
 Table to_table(const Chart& chart);
 Table to_table(const Chart& chart, const std::vector<EqualError>& engines);

@@ -42,15 +42,15 @@ struct Place {
 
 /// A row of the run that looks for a place.
 template <int N>
-struct Seen {
+struct Sample {
   Direction<N> master, robot, environment;  ///< positions; the environment's force
   double force;
   bool touching;
 };
 
 template <int N>
-std::vector<Seen<N>> look(const Scene& scene) {
-  std::vector<Seen<N>> rows;
+std::vector<Sample<N>> look(const Scene& scene) {
+  std::vector<Sample<N>> rows;
   const bool rendered = scene.control.architecture == Architecture::render;
   make_simulation<N>(scene)->run([&](const Row<N>& row) {
     const Direction<N> f = row.env_f.vec().template head<kAxes<N>>();
@@ -115,7 +115,7 @@ std::string no_free_space(const Scene& scene, double distance_m, double amplitud
 
 template <int N>
 std::vector<std::pair<std::string, Place<N>>> places(const Scene& scene, double amplitude_m) {
-  const std::vector<Seen<N>> rows = look<N>(scene);
+  const std::vector<Sample<N>> rows = look<N>(scene);
   const bool rendered = scene.control.architecture == Architecture::render;
   const double scale = rendered ? 1.0 : scene.control.force_scale * scene.control.motion_scale;
   MassDamperSpring robot;
@@ -123,7 +123,7 @@ std::vector<std::pair<std::string, Place<N>>> places(const Scene& scene, double 
   const Environment<N> environment{scene.environment, scene.tool};
 
   // The contact: a moment at which the robot presses as it does half of the time.
-  std::vector<const Seen<N>*> touching;
+  std::vector<const Sample<N>*> touching;
   for (const auto& row : rows)
     if (row.touching && (row.force > 0.0 || environment.holds())) touching.push_back(&row);
   std::vector<std::pair<std::string, Place<N>>> all;
@@ -132,10 +132,10 @@ std::vector<std::pair<std::string, Place<N>>> places(const Scene& scene, double 
   std::optional<Place<N>> contact;
   if (!touching.empty()) {
     auto middle = touching.begin() + static_cast<std::ptrdiff_t>(touching.size() / 2);
-    const Seen<N>& first = *touching.front();
+    const Sample<N>& first = *touching.front();
     std::nth_element(touching.begin(), middle, touching.end(),
                      [](const auto* a, const auto* b) { return a->force < b->force; });
-    const Seen<N>& typical = **middle;
+    const Sample<N>& typical = **middle;
     Direction<N> n = Direction<N>::Unit(0);  // the robot's axis, into the environment
     if (typical.force > 0.0) n = -typical.environment / typical.force;
     along = in_masters_axes<N>(scene, n);
@@ -156,7 +156,7 @@ std::vector<std::pair<std::string, Place<N>>> places(const Scene& scene, double 
     contact = Place<N>{typical.master, along, amplitude, scaled(truth, scale), false};
   }
   // Free space: where the hand is farthest from there.
-  const Seen<N>* away = nullptr;
+  const Sample<N>* away = nullptr;
   for (const auto& row : rows)
     if (!row.touching && (away == nullptr || along.dot(row.master) < along.dot(away->master))) away = &row;
   if (away != nullptr) {

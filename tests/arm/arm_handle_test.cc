@@ -18,7 +18,7 @@
 #include "tests/support/no_alloc.h"
 #include "tests/theory/matrices.h"
 
-namespace twoport::sim {
+namespace twoport::sim::arm_handle_test {
 namespace {
 
 using Vector6 = Eigen::Matrix<double, 6, 1>;
@@ -440,4 +440,4 @@ TEST(ArmAtTheHand, AllocatesNothing) {
 }
 
 }  // namespace
-}  // namespace twoport::sim
+}  // namespace twoport::sim::arm_handle_test

@@ -15,7 +15,7 @@
 #include "tests/support/folder.h"
 #include "tests/support/no_alloc.h"
 
-namespace twoport::sim {
+namespace twoport::sim::arm_plant_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -282,4 +282,4 @@ TEST(ArmPlant, AllocatesNothing) {
 }
 
 }  // namespace
-}  // namespace twoport::sim
+}  // namespace twoport::sim::arm_plant_test

@@ -26,7 +26,7 @@
 #include "tests/arm/kdl_chain.h"
 #endif
 
-namespace twoport {
+namespace twoport::arm_test {
 namespace {
 
 using Arm = ArmModel;
@@ -491,4 +491,4 @@ TEST(Arm, AllocatesNothing) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::arm_test

@@ -14,7 +14,7 @@
 
 // Where `boundary` finds that a rendered contact of a rigid body stops being stable, and where the eigenvalues of the same loop
 // leave the unit circle.
-namespace twoport::lab {
+namespace twoport::lab::contact_boundary_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -132,4 +132,4 @@ TEST(ContactBoundary, OfTenSetsFromASeed) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::contact_boundary_test

@@ -15,7 +15,7 @@
 #include "tests/support/folder.h"
 #include "tests/support/no_alloc.h"
 
-namespace twoport::sim {
+namespace twoport::sim::joint_friction_test {
 namespace {
 
 using Joints = ArmPlant::Joints;
@@ -151,4 +151,4 @@ TEST(JointFriction, AllocatesNothing) {
 }
 
 }  // namespace
-}  // namespace twoport::sim
+}  // namespace twoport::sim::joint_friction_test

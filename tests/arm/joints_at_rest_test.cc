@@ -13,7 +13,7 @@
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
 
-namespace twoport {
+namespace twoport::joints_at_rest_test {
 namespace {
 
 constexpr int N = kJointPort;
@@ -158,4 +158,4 @@ TEST(JointLimits, OfWeightAndCommandTogetherKeepTheHandsEnergy) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::joints_at_rest_test

@@ -21,7 +21,7 @@
 #include "common/scene/load.h"
 #include "sim/sim_joints.h"
 
-namespace twoport {
+namespace twoport::joints_test {
 namespace {
 
 constexpr int N = kJointPort;
@@ -404,4 +404,4 @@ TEST(JointArm, SaysWhatItAppliesBesideItsWeight) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::joints_test

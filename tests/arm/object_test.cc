@@ -9,7 +9,7 @@
 
 #include "sim/plant/arm.h"
 
-namespace twoport::sim {
+namespace twoport::sim::object_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -141,4 +141,4 @@ TEST(Object, KeepsTheAccountOfEnergyWhileItIsTakenAndCarried) {
 }
 
 }  // namespace
-}  // namespace twoport::sim
+}  // namespace twoport::sim::object_test

@@ -9,7 +9,7 @@
 #include "common/contact/environment.h"
 #include "tests/arm/contact_cases.h"
 
-namespace twoport::lab {
+namespace twoport::lab::sampled_contact_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -91,4 +91,4 @@ TEST(SampledContact, ItsStiffnessIsTheSlopeOfTheRenderedWrench) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::sampled_contact_test

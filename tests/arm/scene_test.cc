@@ -7,7 +7,7 @@
 #include "common/scene/hints.h"
 #include "common/scene/load.h"
 
-namespace twoport {
+namespace twoport::scene_test {
 namespace {
 
 std::string error_of(const std::string& text) {
@@ -109,7 +109,7 @@ TEST(SceneOfAnArm, SaysTheWholeRangeOfANumber) {
                  "it must be >= 0 and at most 10000");
 }
 
-TEST(Scene, RefusesAToleranceBeyondRounding) {
+TEST(ArmScene, RefusesAToleranceBeyondRounding) {
   for (const char* tolerance : {"0", "1e-16", "1e-3"})
     expect_error(
         "dof: 1 duration_s: 1 simulation { integrator: DORMAND_PRINCE tolerance_m: " + std::string{tolerance} + " }",
@@ -156,7 +156,7 @@ TEST(HintsOfAnArm, NameItsEffectiveMassWhereTheCouplingIsUnstable) {
   EXPECT_EQ(unstable[0].find("robot.inertia"), std::string::npos) << unstable[0];
 }
 
-TEST(Scene, KeepsAccountsPerContactWhereAToolIsRendered) {
+TEST(ArmScene, KeepsAccountsPerContactWhereAToolIsRendered) {
   const std::string with =
       "dof: 6 duration_s: 1 device { mass_kg: 0.1 inertia_kg_m2: 1e-4 } control { architecture: RENDER passivity { "
       "method: ";
@@ -166,4 +166,4 @@ TEST(Scene, KeepsAccountsPerContactWhereAToolIsRendered) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::scene_test

@@ -27,7 +27,7 @@
 #include "tests/arm/kdl_chain.h"
 #endif
 
-namespace twoport::sim {
+namespace twoport::sim::six_joints_test {
 namespace {
 
 using Arm = ArmModel;
@@ -234,4 +234,4 @@ TEST(Ur5e, TakesNoFieldsOfANullSpace) {
 }
 
 }  // namespace
-}  // namespace twoport::sim
+}  // namespace twoport::sim::six_joints_test

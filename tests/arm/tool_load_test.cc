@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-namespace twoport {
+namespace twoport::tool_load_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -49,4 +49,4 @@ TEST(ToolLoad, NoiseAveragesOut) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::tool_load_test

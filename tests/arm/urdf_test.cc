@@ -33,7 +33,7 @@
 #include <kdl/treejnttojacsolver.hpp>
 #endif
 
-namespace twoport {
+namespace twoport::urdf_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -699,4 +699,4 @@ TEST(SceneOfAUrdf, SaysWhatItLacks) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::urdf_test

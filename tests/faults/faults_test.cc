@@ -33,7 +33,7 @@
 // In every schedule, in every tick: forces within the limits; the robot's force is zero where its program has been silent for
 // the watchdog's time or has heard nothing for release_after. Without damage and lies: the hand gets no more than E(0) of each
 // session, and what a command that stood while a program was stopped gives it. After the faults the sides couple again.
-namespace twoport {
+namespace twoport::faults_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -647,4 +647,4 @@ TEST(Soak, NothingGrowsOrDrifts) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::faults_test

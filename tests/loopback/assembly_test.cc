@@ -8,7 +8,7 @@
 #include "tests/support/live.h"
 
 // The shipped scene of an arm that brings a peg into a hole, two programs over UDP.
-namespace twoport::test {
+namespace twoport::test::assembly_test {
 namespace {
 
 void replace(std::string& text, const std::string& from, const std::string& to) {
@@ -54,4 +54,4 @@ TEST(RunAssembly, BringsThePegIntoTheHole) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::assembly_test

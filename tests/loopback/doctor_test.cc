@@ -16,7 +16,7 @@
 #include "tests/support/process.h"
 
 // `twoport-lab doctor` as its users run it.
-namespace twoport::test {
+namespace twoport::test::doctor_test {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -235,4 +235,4 @@ TEST(Doctor, SaysWhatIsMissing) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::doctor_test

@@ -13,7 +13,7 @@
 
 // A leader and a follower of Dynamixel servos, each on a pseudo-terminal, two programs over UDP: a hand presses the leader's tool down, and the
 // follower's meets a plate, over 50 ms and 2 % loss each way.
-namespace twoport::test {
+namespace twoport::test::dynamixel_test {
 namespace {
 
 const std::string kExamples = TWOPORT_EXAMPLES "/dynamixel";
@@ -116,4 +116,4 @@ TEST(DynamixelLive, ServosLetGoWhileTheProgramStandsStillAndWhenItIsKilled) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::dynamixel_test

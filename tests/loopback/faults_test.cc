@@ -17,7 +17,7 @@
 
 // The two programs under faults drawn from a seed: kill, stop, restart, delay, loss, duplication, truncation, flipped bits, a full
 // disk, a terminal that nobody reads. After each: forces within the limits, whole files, and coupled again when peace returns.
-namespace twoport::test {
+namespace twoport::test::faults_test {
 namespace {
 
 /// A network between the two programs whose faults change at any time.
@@ -208,4 +208,4 @@ TEST(FaultsLive, LeaveForcesWithinLimitsFilesWholeAndTheSidesCoupled) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::faults_test

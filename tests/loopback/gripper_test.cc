@@ -8,7 +8,7 @@
 #include "tests/support/live.h"
 
 // A gripper beside the arm, two programs over UDP.
-namespace twoport::test {
+namespace twoport::test::gripper_test {
 namespace {
 
 /// Under a method whose fingers are not held back while the object is pressed: the force at rest is then that of the springs.
@@ -248,4 +248,4 @@ TEST(RunGripper, IsNotPlayedBackFromARecordingWithoutOne) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::gripper_test

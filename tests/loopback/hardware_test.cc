@@ -14,7 +14,7 @@
 #include "tests/support/live.h"
 
 // The programs with other drivers than the simulated ones, called as functions; and the drivers by name.
-namespace twoport::test {
+namespace twoport::test::hardware_test {
 namespace {
 
 /// What a driver was asked, one letter a call: i info, s sense, a actuate, S start, r release.
@@ -107,7 +107,7 @@ struct Rendered {
     Words words{"twoport-master", "--scene",      scene,      "--set", "duration_s=0.5", "--no-realtime", "--no-spin",
                 "--out",          folder / "out", "--device", device};
     words.insert(words.end(), more.begin(), more.end());
-    return test::run(master_program, words);
+    return hardware_test::run(master_program, words);
   }
 };
 
@@ -264,4 +264,4 @@ TEST(Drivers, ThatAreNoneOrOfAnotherSizeAreRefusedInOneSentence) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::hardware_test

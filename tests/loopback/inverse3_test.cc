@@ -7,7 +7,7 @@
 #include "tests/support/live.h"
 
 // A Haply Inverse3 at the master, of a stand-in for its service.
-namespace twoport::test {
+namespace twoport::test::inverse3_test {
 namespace {
 
 constexpr const char* kSilent = "readings of the hardware are not finite, or too old";
@@ -40,4 +40,4 @@ TEST(Inverse3Live, FeelsAWallBeyondALinkAndIsLetGoWhenItsServiceDies) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::inverse3_test

@@ -7,7 +7,7 @@
 
 // Two arms as plug-ins, joint by joint, two programs over UDP: the leader's first joint goes to and fro between 0 and 0.5 rad with 3 s, the
 // follower's meets a wall at 0.3 rad.
-namespace twoport::test {
+namespace twoport::test::joints_test {
 namespace {
 
 TEST(RunJoints, OfPlugInsPressesAndIsPassive) {
@@ -86,7 +86,7 @@ TEST(RunJoints, OfTwoPairsEndsByOneStop) {
   right.share_key();
   const std::string port = std::to_string(free_udp_port());
   const auto with = [](const char* flag, Words more = {}) {
-    more.insert(more.end(), {flag, TWOPORT_ARM_PLUGIN, "--set", "duration_s=60"});
+    more.insert(more.end(), {flag, TWOPORT_ARM_PLUGIN, "--set", "duration_s=10"});
     return more;
   };
   const Words listens{"--stop-port", port};
@@ -128,4 +128,4 @@ TEST(RunJoints, AProbeMeasuresOneJointOfAPlugIn) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::joints_test

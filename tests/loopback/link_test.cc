@@ -12,7 +12,7 @@
 #include "tests/support/live.h"
 
 // What a link does to a run: silence, loss, strangers, and the other side's death.
-namespace twoport::test {
+namespace twoport::test::link_test {
 namespace {
 
 /// "coupled holding coupled" from what a program has shown on its terminal. A slave that has just found a master is
@@ -325,4 +325,4 @@ TEST(Strangers, OnTheWayDoNotPassForTheOtherSideWithGreetingsOfAnOldSession) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::link_test

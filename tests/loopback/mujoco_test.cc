@@ -14,7 +14,7 @@
 #include "tests/support/live.h"
 
 // A world of MuJoCo as the robot.
-namespace twoport::test {
+namespace twoport::test::mujoco_test {
 namespace {
 
 constexpr Seconds kPeriod{1e-3};
@@ -381,4 +381,4 @@ TEST_F(Mujoco, RunsOverALink) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::mujoco_test

@@ -17,7 +17,7 @@
 
 // Reports that have waited on the way move and feed nothing, and a coupling is one of both sides or of none
 // (docs/reference/safety.md, "Old reports").
-namespace twoport::test {
+namespace twoport::test::old_reports_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -215,4 +215,4 @@ TEST(OldReports, AGoodbyeLetsTheRobotGoAtOnce) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::old_reports_test

@@ -7,7 +7,7 @@
 #include "tests/support/live.h"
 
 // Hardware as people own it, two programs over UDP: a device with fewer motors than axes, a force sensor that drifts.
-namespace twoport::test {
+namespace twoport::test::own_hardware_test {
 namespace {
 
 /// Six axes before a wall that touches 30 mm beside the tool: it turns what presses it.
@@ -81,4 +81,4 @@ TEST(OwnHardware, AForceSensorIsZeroedFromEitherTerminalAndNotUnderAPress) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::own_hardware_test

@@ -18,7 +18,7 @@
 #include "tests/support/live.h"
 
 // Drivers in shared libraries: how they are loaded, what they say, and what becomes of their defects.
-namespace twoport::test {
+namespace twoport::test::plugin_test {
 namespace {
 
 constexpr Seconds kPeriod{1e-3};
@@ -363,4 +363,4 @@ TEST(Plugin, WhoseEveryOtherReadingIsNotFiniteIsSaidAtOnce) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::plugin_test

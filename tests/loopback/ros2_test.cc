@@ -32,7 +32,7 @@
 
 // Robots and devices behind topics of ROS 2. Its side is played by Cyclone DDS alone; names, types and bytes are compared with those that ROS 2
 // documents.
-namespace twoport::test {
+namespace twoport::test::ros2_test {
 namespace {
 
 using std::chrono::steady_clock;
@@ -689,4 +689,4 @@ TEST_F(Ros2, LatencyThroughTheDriverAndWithoutIt) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::ros2_test

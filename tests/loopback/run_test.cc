@@ -12,7 +12,7 @@
 #include "tests/support/live.h"
 
 // A run from its beginning to its end, however that comes.
-namespace twoport::test {
+namespace twoport::test::run_test {
 namespace {
 
 bool exists(const std::string& path) {
@@ -598,4 +598,4 @@ TEST(Clock, OfTheSlaveIsEstimatedByTheMaster) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::run_test

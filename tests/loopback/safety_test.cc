@@ -21,7 +21,7 @@
 #include "tests/support/live.h"
 
 // Limits that hold against the other side, whatever it says, and against what happens to the own program (docs/reference/safety.md).
-namespace twoport::test {
+namespace twoport::test::safety_test {
 namespace {
 
 /// Changes reports on their way, as one could who has the session's key.
@@ -320,4 +320,4 @@ TEST(Safety, ATraceOfEveryTenthTickHasEveryTenthRow) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::safety_test

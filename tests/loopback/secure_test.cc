@@ -18,7 +18,7 @@
 #include "tests/support/live.h"
 
 // Two programs with a key, and what those without can do.
-namespace twoport::test {
+namespace twoport::test::secure_test {
 namespace {
 
 struct KeyedPair : Pair {
@@ -403,4 +403,4 @@ TEST(Attack, AWaitingMasterDoesNotTakeARobotInContactInAShortSilence) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::secure_test

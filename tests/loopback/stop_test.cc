@@ -16,7 +16,7 @@
 #include "tests/support/live.h"
 
 // The stop: no force at either side from then on, until both programs have ended.
-namespace twoport::test {
+namespace twoport::test::stop_test {
 namespace {
 
 /// As scripts/stop, without a program's start in between. When it was sent [ns since 1970].
@@ -152,4 +152,4 @@ TEST(Stop, LastsUntilBothProgramsHaveEnded) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::stop_test

@@ -8,7 +8,7 @@
 #include "tests/support/live.h"
 
 // Where time is the subject: these run alone, with all the real time that the machine permits.
-namespace twoport::test {
+namespace twoport::test::timing_test {
 namespace {
 
 constexpr double kRate = 1000.0;
@@ -115,4 +115,4 @@ TEST(Timing, WhatIsNotPermittedIsSaidOnceInWords) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::timing_test

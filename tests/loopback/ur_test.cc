@@ -22,7 +22,7 @@
 #include "tests/support/ur_controller.h"
 
 // Robots of Universal Robots, by a stand-in for their controller.
-namespace twoport::test {
+namespace twoport::test::ur_test {
 namespace {
 
 using std::chrono::steady_clock;
@@ -445,4 +445,4 @@ TEST(UrLive, TwoArmsJointByJoint) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::ur_test

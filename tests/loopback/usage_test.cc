@@ -9,7 +9,7 @@
 #include "tests/support/live.h"
 
 // What the programs are told wrong, and how they say so.
-namespace twoport::test {
+namespace twoport::test::usage_test {
 namespace {
 
 /// It ends at once with status 2 and one sentence that has all the `parts`, and leaves nothing behind.
@@ -308,4 +308,4 @@ TEST(Mismatch, OfWhatEachSideModelsForItselfIsNone) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::usage_test

@@ -16,7 +16,7 @@
 #include "drivers/simulated.h"
 #include "web/playground/session.h"
 
-namespace twoport {
+namespace twoport::at_work_test {
 namespace {
 
 constexpr double kRateHz = 1000.0, kInitial_j = 5e-3, kWall_n_per_m = 2000.0;
@@ -251,4 +251,4 @@ TEST(AtWork, NoUseOfTheControlsPaysTheHand) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::at_work_test

@@ -14,7 +14,7 @@
 #include "common/scene/load.h"
 #include "lab/run.h"
 
-namespace twoport {
+namespace twoport::both_ends_test {
 namespace {
 
 /// Two accounts over a network that delays, loses, repeats and reorders what they tell.
@@ -176,4 +176,4 @@ TEST(BothEnds, AMovingEnvironmentIsFeltWithoutTheHandsOwnBound) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::both_ends_test

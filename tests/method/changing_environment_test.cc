@@ -10,7 +10,7 @@
 #include "common/scene/load.h"
 #include "tests/support/two_sides.h"
 
-namespace twoport {
+namespace twoport::changing_environment_test {
 namespace {
 
 constexpr double kRateHz = 1000.0, kInitialEnergy = 0.01;  // [Hz], [J]
@@ -98,4 +98,4 @@ TEST(ChangingEnvironment, IsFelt) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::changing_environment_test

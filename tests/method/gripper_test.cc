@@ -15,7 +15,7 @@
 #include "lab/study/sweep.h"
 
 // A gripper beside the arm, in virtual time.
-namespace twoport {
+namespace twoport::gripper_test {
 namespace {
 
 const std::string kScene = TWOPORT_SCENES "/gripper_50ms.textproto";
@@ -139,4 +139,4 @@ TEST(Gripper, IsLimitedByItself) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::gripper_test

@@ -16,7 +16,7 @@
 #include "master/master_node.h"
 #include "sim/sim_device.h"
 
-namespace twoport {
+namespace twoport::internal_model_test {
 namespace {
 
 // ---- hostile packets
@@ -503,4 +503,4 @@ TEST(ContactSpring, PressesWhatTheHandFeelsWhereTheEnergyIsSpent) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::internal_model_test

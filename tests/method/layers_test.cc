@@ -21,7 +21,7 @@
 #include "lab/run.h"
 #include "tests/support/two_sides.h"
 
-namespace twoport {
+namespace twoport::layers_test {
 namespace {
 
 void at_size(int dof, const auto& visit) {
@@ -284,4 +284,4 @@ TEST(PluginLayer, IsRefusedInWordsWhereItCannotRun) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::layers_test

@@ -16,7 +16,7 @@
 #include "tests/support/no_alloc.h"
 #include "tests/support/two_sides.h"
 
-namespace twoport {
+namespace twoport::method_test {
 namespace {
 
 constexpr const char* kLinks[] = {"delay_ms: 0", "delay_ms: 20", "delay_ms: 20 loss: 0.2",
@@ -318,6 +318,15 @@ TEST(Catalogue, NamesOfMethodsAreTheSchemasAndUnknownOnesAreRefused) {
                     "m")
             .control.method_name,
         name);
+  // And names of layers.
+  EXPECT_EQ(schema::Transparency::Layer_descriptor()->value_count(),
+            static_cast<int>(names_of(kTransparencyLayers).size()));
+  for (const auto& name : names_of(kTransparencyLayers))
+    EXPECT_NE(schema::Transparency::Layer_descriptor()->FindValueByName(std::string{name}), nullptr) << name;
+  EXPECT_EQ(schema::PassivityLayer::Name_descriptor()->value_count(),
+            static_cast<int>(names_of(kPassivityLayers).size()));
+  for (const auto& name : names_of(kPassivityLayers))
+    EXPECT_NE(schema::PassivityLayer::Name_descriptor()->FindValueByName(std::string{name}), nullptr) << name;
   ControlOptions o;
   EXPECT_FALSE(choose_method(o, "NO_SUCH"));
   EXPECT_FALSE(choose_method(o, "DELAYED_FORCE"));
@@ -463,4 +472,4 @@ TEST(Methods, WithoutAnAccountSayNoDeficit) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::method_test

@@ -13,7 +13,7 @@
 #include "lab/run.h"
 #include "lab/study/map.h"
 
-namespace twoport {
+namespace twoport::network_conditions_test {
 namespace {
 
 struct Condition {
@@ -134,4 +134,4 @@ TEST(Playout, IsCountedInTheDelay) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::network_conditions_test

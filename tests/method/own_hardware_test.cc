@@ -12,7 +12,7 @@
 #include "lab/engine/simulation.h"
 #include "lab/run.h"
 
-namespace twoport {
+namespace twoport::own_hardware_test {
 namespace {
 
 /// Six axes: the hand presses a plate and turns the handle there.
@@ -98,4 +98,4 @@ TEST(PositionServo, IsBehindByItsLag) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::own_hardware_test

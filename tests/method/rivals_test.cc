@@ -21,7 +21,7 @@
 #include "lab/run.h"
 #include "tests/support/two_sides.h"
 
-namespace twoport {
+namespace twoport::rivals_test {
 namespace {
 
 template <int N>
@@ -801,4 +801,4 @@ TEST(FourChannel, FeelsByTheObserverWithoutASensor) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::rivals_test

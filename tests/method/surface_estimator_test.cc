@@ -10,7 +10,7 @@
 
 #include "common/method/transparency/surface/surface_model.h"
 
-namespace twoport {
+namespace twoport::surface_estimator_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -127,4 +127,4 @@ TEST(SensorBias, OfATorqueIsLearnedFromItsNoiseAndBeginsNoContact) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::surface_estimator_test

@@ -19,7 +19,7 @@
 #include "tests/support/no_alloc.h"
 #include "tests/support/two_sides.h"
 
-namespace twoport {
+namespace twoport::switching_test {
 namespace {
 
 struct Configuration {
@@ -376,4 +376,4 @@ TEST(Switching, AWrongEpochBreaksNothing) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::switching_test

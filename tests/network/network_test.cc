@@ -7,7 +7,7 @@
 #include <thread>
 
 // Two machines in one: each program has a network of its own, and a cable between them that can be pulled.
-namespace twoport::test {
+namespace twoport::test::network_test {
 namespace {
 
 class NetworkTest : public testing::Test {
@@ -183,4 +183,4 @@ TEST_F(NetworkTest, AnAddressOfTheOtherMachineCannotBeListenedOn) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::network_test

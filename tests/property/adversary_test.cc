@@ -16,17 +16,17 @@
 #include "lab/study/map.h"
 #include "lab/study/parallel.h"
 
-namespace twoport::lab {
+namespace twoport::lab::adversary_test {
 namespace {
 
-class EveryMethod : public testing::TestWithParam<std::string> {};
+class AttackedMethod : public testing::TestWithParam<std::string> {};
 
 // scripts/check adversary runs 10,000.
-TEST_P(EveryMethod, KeepsWhatItClaimsIn500Runs) {
+TEST_P(AttackedMethod, KeepsWhatItClaimsIn500Runs) {
   const Adversary all = attack_all({.methods = {GetParam()}, .seed = 1, .runs = 500, .jobs = all_cores()});
   EXPECT_EQ(broken_runs(all), "");
 }
-INSTANTIATE_TEST_SUITE_P(Of, EveryMethod, testing::ValuesIn(method_names()),
+INSTANTIATE_TEST_SUITE_P(Of, AttackedMethod, testing::ValuesIn(method_names()),
                          [](const auto& each) { return each.param; });
 
 // The claim of a passivity layer is proven for any transparency layer by one that draws its force.
@@ -252,4 +252,4 @@ TEST(Adversary, ASeedIsARun) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::adversary_test

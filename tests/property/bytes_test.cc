@@ -19,7 +19,7 @@
 
 // The laboratory carries reports as values through a delay line. Here the same scenes run with all that a live link has:
 // nodes, mailboxes, handshake, codec and bytes through sockets in memory. The rows are the same to the bit.
-namespace twoport::lab {
+namespace twoport::lab::bytes_test {
 namespace {
 
 using test::Rows;
@@ -183,4 +183,4 @@ TEST(OverBytesAndValues, ARunThroughEverythingRandomIsTheSame) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::bytes_test

@@ -13,7 +13,7 @@
 #include "common/passivity/controller.h"
 #include "tests/support/sizes.h"
 
-namespace twoport {
+namespace twoport::direction_test {
 namespace {
 
 using Eigen::Matrix3d;
@@ -285,4 +285,4 @@ TEST(Projected6Dof, DoesNotDependOnTheReferencePoint) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::direction_test

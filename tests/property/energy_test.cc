@@ -15,7 +15,7 @@
 #include "common/passivity/passivated.h"
 #include "tests/support/sizes.h"
 
-namespace twoport {
+namespace twoport::energy_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -305,7 +305,7 @@ TYPED_TEST(EnergyOf, ASpringFollowsItsReferenceFromAbove) {
   EXPECT_LT(above, -kFloor);  // and no credit is saved up
 }
 
-TEST(Ledger, TotalsNeverFall) {
+TEST(LedgerOfAnyMotion, TotalsNeverFall) {
   Source source{99};
   Ledger ledger;
   Energy absorbed, returned;
@@ -325,4 +325,4 @@ TEST(Ledger, TotalsNeverFall) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::energy_test

@@ -16,7 +16,7 @@
 #include "lab/run.h"
 #include "tests/support/known_numbers.h"
 
-namespace twoport::lab {
+namespace twoport::lab::figures_test {
 namespace {
 
 constexpr double kHand = 400.0, kCoupling = 1000.0, kWall = 5000.0;  // [N/m]
@@ -338,4 +338,4 @@ TEST(Energies, SayWhenTheSampledCouplingFeedsTheRobot) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::figures_test

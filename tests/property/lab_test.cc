@@ -16,7 +16,7 @@
 #include "tests/support/rows.h"
 #include "tests/support/two_sides.h"
 
-namespace twoport::lab {
+namespace twoport::lab::lab_test {
 namespace {
 
 using Eigen::Matrix3d;
@@ -524,4 +524,4 @@ TEST(ExactObserver, ThroughAnEncoderErrsByNoMoreThanHalfACountPerSwingOfForce) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::lab_test

@@ -17,7 +17,7 @@
 #include "common/link/mailbox.h"
 #include "common/link/report.h"
 
-namespace twoport {
+namespace twoport::link_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -200,7 +200,7 @@ TEST_P(Impaired, FatesAreTheSameFromTheSameSeedAndOthersFromAnother) {
 
 // --- the delay line ------------------------------------------------------------------------------
 
-TEST(DelayLine, OfAWholeNumberOfTicksDelaysByExactlyThatMany) {
+TEST(AnyDelayLine, OfAWholeNumberOfTicksDelaysByExactlyThatMany) {
   // Also where a tick is no whole number of nanoseconds.
   for (double rate : {500.0, 1000.0, 2000.0, 3000.0, 4096.0, 7000.0, 10'000.0}) {
     for (std::int64_t d : {1, 2, 3, 7, 50}) {
@@ -222,7 +222,7 @@ TEST(DelayLine, OfAWholeNumberOfTicksDelaysByExactlyThatMany) {
   }
 }
 
-TEST(DelayLine, KeepsWhatIsPutInAtAMomentUntilALaterOne) {
+TEST(AnyDelayLine, KeepsWhatIsPutInAtAMomentUntilALaterOne) {
   DelayLine<int> line{ImpairmentOptions{}, kSeed};
   line.put(7, Duration{1000});
   EXPECT_EQ(line.take(Duration{1000}), nullptr);
@@ -230,7 +230,7 @@ TEST(DelayLine, KeepsWhatIsPutInAtAMomentUntilALaterOne) {
   EXPECT_EQ(line.take(Duration{5000}), nullptr);
 }
 
-TEST(DelayLine, HandsOverInOrderOfDueTimeAndFirstInFirstOutWhereEqual) {
+TEST(AnyDelayLine, HandsOverInOrderOfDueTimeAndFirstInFirstOutWhereEqual) {
   ImpairmentOptions o;
   o.recorded_delay_s = {0.005, 0.001, 0.003, 0.003, 0.001};
   DelayLine<int> line{o, kSeed};
@@ -243,7 +243,7 @@ TEST(DelayLine, HandsOverInOrderOfDueTimeAndFirstInFirstOutWhereEqual) {
   EXPECT_EQ(line.take(milliseconds{10}), nullptr);
 }
 
-TEST(DelayLine, DropsAndCountsWhatFindsItFull) {
+TEST(AnyDelayLine, DropsAndCountsWhatFindsItFull) {
   ImpairmentOptions o;
   o.delay_s = 1.0;
   DelayLine<int> line{o, kSeed, 4};
@@ -260,7 +260,7 @@ TEST(DelayLine, DropsAndCountsWhatFindsItFull) {
   EXPECT_NE(line.take(std::chrono::seconds{3}), nullptr);
 }
 
-TEST(DelayLine, AgreesWithAListSortedByDueTimeOverManyTurnsOfTheRing) {
+TEST(AnyDelayLine, AgreesWithAListSortedByDueTimeOverManyTurnsOfTheRing) {
   // Reference: every copy with its due time, sorted stably.
   ImpairmentOptions o;
   o.delay_s = 0.01, o.jitter_s = 0.004, o.loss = 0.1, o.duplicate = 0.2, o.reorder = 0.1;
@@ -691,4 +691,4 @@ TEST(RoundTrip, IsTheSumOfBothDelaysWhateverTheOtherSidesClockAndPatience) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::link_test

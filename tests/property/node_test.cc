@@ -13,7 +13,7 @@
 #include "master/render_node.h"
 #include "slave/slave_node.h"
 
-namespace twoport {
+namespace twoport::node_test {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
@@ -269,4 +269,4 @@ TEST(RenderNode, HasNoForceThatADoubleDoesNotHold) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::node_test

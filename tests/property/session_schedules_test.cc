@@ -19,7 +19,7 @@
 // Whole sessions in virtual time under random schedules: every datagram goes through codec and handshake as bytes, over
 // a network that delays, loses, repeats, reorders and damages it, while programs start again, hang and compete, and
 // strangers talk. Each schedule is written down by its seed.
-namespace twoport {
+namespace twoport::session_schedules_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -372,4 +372,4 @@ TEST(SessionSchedules, OfEverythingAndDamage) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::session_schedules_test

@@ -13,7 +13,7 @@
 
 // A network that stalls and flows again, and one whose ways die one by one, in virtual time: a robot that nobody moves rests, and both
 // sides are coupled or neither is (docs/reference/safety.md, "Old reports").
-namespace twoport::test {
+namespace twoport::test::silence_test {
 namespace {
 
 struct Drawn {
@@ -165,4 +165,4 @@ environment {{ wall {{ normal: [-1] offset_m: -0.02 stiffness_n_per_m: 5000 }} }
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::silence_test

@@ -11,7 +11,7 @@
 #include "common/scene/load.h"
 #include "lab/run.h"
 
-namespace twoport::lab {
+namespace twoport::lab::turned_world_test {
 namespace {
 
 using Eigen::Isometry3d;
@@ -111,4 +111,4 @@ INSTANTIATE_TEST_SUITE_P(EveryMethod, TurnedWorld,
                          [](const auto& of) { return std::string{of.param}; });
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::turned_world_test

@@ -13,7 +13,7 @@
 #include "tests/recording/rewrite.h"
 
 // Both programs over UDP, recorded. The recordings are replayed by the laboratory, bit by bit.
-namespace twoport::test {
+namespace twoport::test::live_test {
 namespace {
 
 std::string replayed(const std::string& recording, int status = 0) {
@@ -248,4 +248,4 @@ TEST(RecordedLive, AFullDiskIsSaidAndTheRunGoesOn) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::live_test

@@ -15,7 +15,7 @@
 #include "tests/support/folder.h"
 
 // The container: written, read, torn, damaged, and on a full disk.
-namespace twoport::test {
+namespace twoport::test::mcap_test {
 namespace {
 
 constexpr std::string_view kMagic{"\x89MCAP0\r\n", 8};
@@ -212,4 +212,4 @@ TEST(Mcap, AFolderThatCannotBeMadeIsRefused) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::mcap_test

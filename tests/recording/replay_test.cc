@@ -24,7 +24,7 @@
 #include "tests/support/folder.h"
 
 // A run in virtual time, recorded and replayed.
-namespace twoport::test {
+namespace twoport::test::replay_test {
 namespace {
 
 struct Recorded {
@@ -331,4 +331,4 @@ TEST(Recording, OfAnotherSizeOrNoneIsRefusedAsAHand) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::replay_test

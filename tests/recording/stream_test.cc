@@ -15,7 +15,7 @@
 #include "tests/support/live.h"
 
 // --stream: rows of a live run as JSON in UDP datagrams.
-namespace twoport::test {
+namespace twoport::test::stream_test {
 namespace {
 
 using google::protobuf::Struct;
@@ -124,4 +124,4 @@ TEST(Stream, ToNobodyChangesNothing) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::stream_test

@@ -23,7 +23,7 @@
 
 // The laboratory's own runs against theory: where `boundary` finds that a scene stops being stable, and where the
 // eigenvalues of the same loop leave the unit circle. Each set of parameters is drawn from a written seed and printed.
-namespace twoport::lab {
+namespace twoport::lab::boundary_test {
 namespace {
 
 using test::exited;
@@ -604,4 +604,4 @@ TEST(BoundaryProgram, SaysWhatIsWrongWithAnIntervalOrAPath) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::boundary_test

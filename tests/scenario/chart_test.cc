@@ -16,11 +16,11 @@
 #include "tests/support/process.h"
 #include "tests/theory/oracle.h"
 
-namespace twoport::lab {
+namespace twoport::lab::chart_test {
 namespace {
 
-Point point(const std::string& name, double cost, double error) {
-  Point p;
+ChartPoint point(const std::string& name, double cost, double error) {
+  ChartPoint p;
   p.name = name;
   p.cost = cost;
   p.off = error;
@@ -28,8 +28,8 @@ Point point(const std::string& name, double cost, double error) {
 }
 
 TEST(Front, HoldsWhatNothingBeats) {
-  std::vector<Point> points{point("cheap", 1, 1e-3), point("same, worse", 1, 2e-3), point("good", 3, 1e-6),
-                            point("dear", 5, 1e-6), point("best", 9, 1e-9)};
+  std::vector<ChartPoint> points{point("cheap", 1, 1e-3), point("same, worse", 1, 2e-3), point("good", 3, 1e-6),
+                                 point("dear", 5, 1e-6), point("best", 9, 1e-9)};
   find_front(points);
   EXPECT_EQ(points[0].dominated_by, "");
   EXPECT_EQ(points[1].dominated_by, "cheap");
@@ -74,7 +74,7 @@ TEST(Answer, IsOffByTheLargestShareAndWrongWithAnotherVerdict) {
 
 TEST(Front, HasNoPointWithAWrongAnswer) {
   const double wrong = std::numeric_limits<double>::infinity();
-  std::vector<Point> points{point("cheap", 1, wrong), point("good", 3, 1e-2), point("dear", 5, wrong)};
+  std::vector<ChartPoint> points{point("cheap", 1, wrong), point("good", 3, 1e-2), point("dear", 5, wrong)};
   find_front(points);
   EXPECT_FALSE(points[0].counts());
   EXPECT_EQ(points[1].dominated_by, "");
@@ -112,8 +112,9 @@ TEST(Difference, IsTakenAtTheMomentsThatBothHave) {
   EXPECT_NEAR(d.felt_rms_n, 2.0, 1e-15);
 }
 
-const Point& named(const Chart& c, const std::string& name) {
-  const auto found = std::find_if(c.points.begin(), c.points.end(), [&](const Point& p) { return p.name == name; });
+const ChartPoint& named(const Chart& c, const std::string& name) {
+  const auto found =
+      std::find_if(c.points.begin(), c.points.end(), [&](const ChartPoint& p) { return p.name == name; });
   EXPECT_NE(found, c.points.end()) << name;
   return *found;
 }
@@ -131,7 +132,7 @@ TEST(Chart, OfTheWallHasTheKnownErrors) {
   EXPECT_NEAR(named(c, "SYMPLECTIC_EULER").error.position_rms_m, 4.9e-5, 0.1e-5);
   EXPECT_NEAR(named(c, "TRAPEZOIDAL").error.position_rms_m, 9.3e-6, 0.1e-6);
   EXPECT_NEAR(named(c, "RK4").error.position_rms_m, 4.3e-7, 0.1e-7);
-  for (const Point& p : c.points) EXPECT_GT(p.ns_per_tick, 0.1) << p.name;
+  for (const ChartPoint& p : c.points) EXPECT_GT(p.ns_per_tick, 0.1) << p.name;
 }
 
 // A simulator with this error cannot judge a stability method.
@@ -159,14 +160,14 @@ TEST(Chart, OfAnswersHasTheBoundaryOfTheory) {
                          .reference_substeps = 20});
   EXPECT_EQ(c.verdict, "STABLE");
   EXPECT_NEAR(c.boundary.value(), theory, 1e-3 * theory);
-  const Point& exact = named(c, "EXACT, tail verdict");
+  const ChartPoint& exact = named(c, "EXACT, tail verdict");
   EXPECT_NEAR(exact.boundary.value(), theory, 1e-3 * theory);
   EXPECT_EQ(exact.answer->verdict, "STABLE");
   EXPECT_LT(exact.off, 2e-3);
   EXPECT_EQ(exact.off, std::max(exact.answer->felt, exact.answer->beside.value()));
   EXPECT_EQ(c.floor_off, 1e-3);  // as well as a boundary is searched for
   // It is stable up to 20 kN/m and more: no boundary there, so no answer.
-  const Point& euler = named(c, "SYMPLECTIC_EULER, tail verdict");
+  const ChartPoint& euler = named(c, "SYMPLECTIC_EULER, tail verdict");
   EXPECT_GT(euler.answer->felt, 0.1);
   EXPECT_FALSE(euler.counts());
   EXPECT_EQ(cheapest(c.points, 2e-3, c.floor_off)->group, "EXACT");
@@ -182,7 +183,7 @@ TEST(Chart, OfAnswersNeverPicksAWrongVerdict) {
                          .repetitions = 1,
                          .reference_substeps = 50});
   EXPECT_EQ(c.verdict, "STABLE");
-  const Point &euler = named(c, "SYMPLECTIC_EULER, plain verdict"), &rk4 = named(c, "RK4, plain verdict");
+  const ChartPoint &euler = named(c, "SYMPLECTIC_EULER, plain verdict"), &rk4 = named(c, "RK4, plain verdict");
   EXPECT_EQ(euler.answer->verdict, "RESTLESS");
   EXPECT_FALSE(euler.counts());
   EXPECT_NEAR(rk4.off, 4.9e-4, 0.1e-4);
@@ -275,4 +276,4 @@ TEST(ChartProgram, RecommendsByTheAnswerAndRefuses) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::chart_test

@@ -2,7 +2,7 @@
 
 #include "lab/study/many_runs.h"
 
-namespace twoport::lab {
+namespace twoport::lab::forecast_test {
 namespace {
 
 /// A study in its own time: runs of a kind take what they take.
@@ -53,4 +53,4 @@ TEST(Forecast, TakesRunsOfNoKindYetForTheMeanOfOthersAndAddsTheReading) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::forecast_test

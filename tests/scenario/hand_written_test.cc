@@ -7,7 +7,7 @@
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
 
-namespace twoport {
+namespace twoport::hand_written_test {
 namespace {
 
 template <int N>
@@ -57,4 +57,4 @@ TEST(Chain, IsTheHandWrittenLoopOnSixAxes) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::hand_written_test

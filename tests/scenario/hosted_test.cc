@@ -24,7 +24,7 @@
 #include "tests/support/folder.h"
 
 // A world of MuJoCo in the laboratory.
-namespace twoport::lab {
+namespace twoport::lab::hosted_test {
 namespace {
 
 constexpr double kMass = 0.5, kDamping = 2.0, kStiffness = 2000.0, kWallDamping = 10.0, kFace = 0.02;
@@ -175,8 +175,8 @@ TEST(Hosted, HasAPlaceInTheChartOfAnswers) {
                          .reference_substeps = 20},
                         worlds);
   ASSERT_EQ(c.points.size(), 3u);
-  for (const Point& p : c.points) EXPECT_EQ(p.answer->verdict, "STABLE") << p.name;
-  const Point &own = c.points[0], &same = c.points[1], &softer = c.points[2];
+  for (const ChartPoint& p : c.points) EXPECT_EQ(p.answer->verdict, "STABLE") << p.name;
+  const ChartPoint &own = c.points[0], &same = c.points[1], &softer = c.points[2];
   EXPECT_EQ(same.name, "2000 N/m, plain verdict");
   EXPECT_TRUE(same.peer);
   EXPECT_LT(same.off, 0.02);
@@ -313,4 +313,4 @@ TEST(Hosted, RefusesScenesInWords) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::hosted_test

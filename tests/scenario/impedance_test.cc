@@ -14,7 +14,7 @@
 #include "tests/support/folder.h"
 #include "tests/support/process.h"
 
-namespace twoport::lab {
+namespace twoport::lab::impedance_test {
 namespace {
 
 using Complex = std::complex<double>;
@@ -203,4 +203,4 @@ TEST(Impedance, IsATableAndAPicture) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::impedance_test

@@ -28,7 +28,7 @@
 #include "lab/study/map.h"
 #include "lab/study/sweep.h"
 
-namespace twoport::lab {
+namespace twoport::lab::lanes_test {
 namespace {
 
 const std::string kScenes = TWOPORT_SCENES;
@@ -528,4 +528,4 @@ TEST(Lanes, SumTheFiguresOfALayerOverTicksInContact) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::lanes_test

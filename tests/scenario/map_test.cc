@@ -29,7 +29,7 @@
 #include "lab/study/link_advice.h"
 #include "tests/support/process.h"
 
-namespace twoport::lab {
+namespace twoport::lab::map_test {
 namespace {
 
 MapOptions small(std::vector<std::string> methods) {
@@ -626,4 +626,4 @@ TEST(MapProgram, RefusesWhatItIsToldWrong) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::map_test

@@ -16,7 +16,7 @@
 #include "tests/support/process.h"
 #include "tests/support/svg.h"
 
-namespace twoport::lab {
+namespace twoport::lab::paper_test {
 namespace {
 
 /// Two seeds of a case, measured once however many tests ask.
@@ -437,4 +437,4 @@ TEST(Paper, TableHasALineForEachCaseAndSaysWhatIsKnown) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::paper_test

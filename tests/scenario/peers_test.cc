@@ -6,7 +6,7 @@
 
 #include "common/scene/load.h"
 
-namespace twoport::lab {
+namespace twoport::lab::peers_test {
 namespace {
 
 // An engine pushed by our forces is a semi-implicit Euler step, whoever wrote it.
@@ -23,13 +23,13 @@ TEST(Peers, PushedByForcesAreOurEulerStep) {
                           peers);
     const double euler = c.points.at(1).error.position_rms_m;
     int pushed = 0;
-    for (const Point& p : c.points) {
+    for (const ChartPoint& p : c.points) {
       if (p.name.find("pushed") == std::string::npos) continue;
       EXPECT_NEAR(p.error.position_rms_m, euler, 1e-4 * euler) << p.name << " on " << name;
       ++pushed;
     }
     EXPECT_GE(pushed, static_cast<int>(peers.size() / 2));
-    for (const Point& p : c.points) EXPECT_LT(p.error.position_rms_m, 0.1 * 0.02) << p.name;
+    for (const ChartPoint& p : c.points) EXPECT_LT(p.error.position_rms_m, 0.1 * 0.02) << p.name;
   }
 }
 
@@ -50,7 +50,7 @@ TEST(Peers, AreJudgedAsOurRuns) {
     EXPECT_EQ(c.verdict, "STABLE");
     const Answer& euler = c.points[0].answer.value();
     EXPECT_EQ(euler.verdict, stiffness < 1.6e6 ? "STABLE" : "UNSTABLE");
-    for (const Point& p : c.points) {
+    for (const ChartPoint& p : c.points) {
       if (p.name.find("pushed") == std::string::npos) continue;
       EXPECT_EQ(p.answer->verdict, euler.verdict) << p.name << stiffness;
       if (stiffness < 1.6e6) {
@@ -90,4 +90,4 @@ TEST(Peers, PlayOnlyScenesThatTheyCan) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::peers_test

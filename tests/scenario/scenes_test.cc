@@ -9,7 +9,7 @@
 #include "common/scene/load.h"
 #include "lab/run.h"
 
-namespace twoport {
+namespace twoport::scenes_test {
 namespace {
 
 std::vector<std::string> scene_files() {
@@ -52,4 +52,4 @@ INSTANTIATE_TEST_SUITE_P(Scenes, Scenario, testing::ValuesIn(scene_files()), [](
 });
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::scenes_test

@@ -35,7 +35,7 @@
 #include "tests/support/process.h"
 #include "tests/support/svg.h"
 
-namespace twoport::lab {
+namespace twoport::lab::sweep_test {
 namespace {
 
 using test::exited;
@@ -909,4 +909,4 @@ TEST(Picture, IsNotDrawnOfMoreOrWithoutGnuplot) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::sweep_test

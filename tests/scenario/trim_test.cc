@@ -15,7 +15,7 @@
 #include "lab/run.h"
 #include "tests/support/process.h"
 
-namespace twoport::lab {
+namespace twoport::lab::trim_test {
 namespace {
 
 using Words = std::vector<std::string>;
@@ -249,4 +249,4 @@ TEST(TrimProgram, WritesTablesAndTheChart) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::trim_test

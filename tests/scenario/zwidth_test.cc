@@ -8,7 +8,7 @@
 
 #include "common/base/check.h"
 
-namespace twoport::lab {
+namespace twoport::lab::zwidth_test {
 namespace {
 
 ZWidthOptions scene(const std::string& name = "z_width") {
@@ -72,4 +72,4 @@ TEST(ZWidth, RefusesWhatTheoryDoesNotKnow) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::zwidth_test

@@ -64,7 +64,7 @@ struct Process::Impl {
   /// A terminal that nobody reads fills up, and its writer waits.
   void read_terminal() {
     char chunk[4096];
-    for (ssize_t n; terminal >= 0 && (n = read(terminal, chunk, sizeof chunk)) > 0;)
+    for (ssize_t n; terminal >= 0 && (n = ::read(terminal, chunk, sizeof chunk)) > 0;)
       shown.append(chunk, static_cast<std::size_t>(n));
   }
   bool has_ended() {
@@ -118,7 +118,7 @@ void Process::send(int signal) {
 }
 
 void Process::type(std::string_view text) {
-  if (impl_->terminal < 0 || write(impl_->terminal, text.data(), text.size()) != static_cast<ssize_t>(text.size()))
+  if (impl_->terminal < 0 || ::write(impl_->terminal, text.data(), text.size()) != static_cast<ssize_t>(text.size()))
     fail("terminal");
 }
 

@@ -12,7 +12,7 @@
 #include "sim/sim_robot.h"
 #include "tests/support/no_alloc.h"
 
-namespace twoport {
+namespace twoport::adjustable_environment_test {
 namespace {
 
 constexpr double kPeriod = 1e-3;
@@ -231,4 +231,4 @@ TEST(AdjustableEnvironment, DoesNotAllocate) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::adjustable_environment_test

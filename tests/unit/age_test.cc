@@ -4,7 +4,7 @@
 
 #include <random>
 
-namespace twoport {
+namespace twoport::age_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -125,4 +125,4 @@ TEST(ReportAge, TheRoundTripRisesSlowly) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::age_test

@@ -14,7 +14,7 @@
 #include "tests/support/meshes.h"
 #include "tests/support/source.h"
 
-namespace twoport {
+namespace twoport::broad_phase_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -221,4 +221,4 @@ TEST(BroadPhase, MotionIsThatAmongAllPartsToTheBit) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::broad_phase_test

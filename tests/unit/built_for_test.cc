@@ -5,7 +5,7 @@
 
 #include <string>
 
-namespace twoport {
+namespace twoport::built_for_test {
 namespace {
 
 TEST(BuiltFor, RunsTheSizesOfTheFileAndRefusesOthersInWords) {
@@ -21,4 +21,4 @@ TEST(BuiltFor, RunsTheSizesOfTheFileAndRefusesOthersInWords) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::built_for_test

@@ -9,7 +9,7 @@
 #include "tests/support/meshes.h"
 #include "tests/support/source.h"
 
-namespace twoport {
+namespace twoport::clearance_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -118,4 +118,4 @@ TEST(Clearance, IsForgottenAtAPoseThatIsNotFinite) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::clearance_test

@@ -15,7 +15,7 @@
 #include "proto/report.pb.h"
 #include "tests/support/no_alloc.h"
 
-namespace twoport {
+namespace twoport::codec_test {
 namespace {
 
 using Bytes = std::vector<std::byte>;
@@ -682,4 +682,4 @@ TEST(NoAlloc, SeesAnAllocation) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::codec_test

@@ -13,7 +13,7 @@
 #include "tests/support/meshes.h"
 #include "tests/support/source.h"
 
-namespace twoport {
+namespace twoport::contact_test {
 namespace {
 
 using Eigen::Quaterniond;
@@ -547,4 +547,4 @@ TEST(Spring, HoldsFromBothSidesAndDamps) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::contact_test

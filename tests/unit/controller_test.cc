@@ -13,7 +13,7 @@
 #include "common/passivity/observer.h"
 #include "tests/support/sizes.h"
 
-namespace twoport {
+namespace twoport::controller_test {
 namespace {
 
 using namespace literals;
@@ -642,4 +642,4 @@ TEST(ReferenceEnergyThatFalls, MayBeGivenBack) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::controller_test

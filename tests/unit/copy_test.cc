@@ -9,7 +9,7 @@
 #include "sim/sim_device.h"
 #include "sim/sim_robot.h"
 
-namespace twoport::sim {
+namespace twoport::sim::copy_test {
 namespace {
 
 constexpr Seconds kPeriod{5e-4};
@@ -148,4 +148,4 @@ TEST(StateOfAHandle, IsAllThatGoesOn) {
 }
 
 }  // namespace
-}  // namespace twoport::sim
+}  // namespace twoport::sim::copy_test

@@ -12,7 +12,7 @@
 #include "tools/doctor/loop.h"
 #include "tools/doctor/text.h"
 
-namespace twoport::doctor {
+namespace twoport::doctor::doctor_test {
 namespace {
 
 // ---- texts of /proc and /sys
@@ -270,4 +270,4 @@ TEST(DoctorLink, TellsTheClocksApartByTheFastestPackets) {
 }
 
 }  // namespace
-}  // namespace twoport::doctor
+}  // namespace twoport::doctor::doctor_test

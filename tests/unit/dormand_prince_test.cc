@@ -11,7 +11,7 @@
 #include "sim/sim_robot.h"
 #include "tests/support/no_alloc.h"
 
-namespace twoport::sim {
+namespace twoport::sim::dormand_prince_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -251,4 +251,4 @@ TEST(DormandPrince, ErrorFollowsTheTolerance) {
 }
 
 }  // namespace
-}  // namespace twoport::sim
+}  // namespace twoport::sim::dormand_prince_test

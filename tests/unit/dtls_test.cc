@@ -14,7 +14,7 @@
 #include "tests/support/memory_network.h"
 
 // Against OpenSSL's own DTLS as the other side: what leaves here are records of DTLS 1.2 as anybody reads them.
-namespace twoport {
+namespace twoport::dtls_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -367,4 +367,4 @@ TEST(DtlsServer, SaysThatAProgramIsOfAnEarlierVersion) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::dtls_test

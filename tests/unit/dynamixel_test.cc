@@ -22,7 +22,7 @@
 #include "tests/support/dynamixel_servos.h"
 #include "tests/support/folder.h"
 
-namespace twoport {
+namespace twoport::dynamixel_test {
 namespace {
 
 using namespace dynamixel;
@@ -508,4 +508,4 @@ TEST(Dynamixel, ReadsAFileOfServos) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::dynamixel_test

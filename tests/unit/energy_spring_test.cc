@@ -7,7 +7,7 @@
 #include <random>
 #include <utility>
 
-namespace twoport {
+namespace twoport::energy_spring_test {
 namespace {
 
 Force<3> along_x(double n) {
@@ -359,4 +359,4 @@ TEST(DamperAccount, GivesBackNoMoreThanItsLevelAndOneTick) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::energy_spring_test

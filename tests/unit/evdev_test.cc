@@ -5,7 +5,7 @@
 
 #include "drivers/evdev_stick.h"
 
-namespace twoport {
+namespace twoport::evdev_test {
 namespace {
 
 /// A stick that no kernel knows: libevdev keeps its state.
@@ -124,4 +124,4 @@ TEST(Evdev, ClosesAGripperByTwoButtonsAtASpeed) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::evdev_test

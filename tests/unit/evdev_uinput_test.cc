@@ -17,7 +17,7 @@
 #include "drivers/drivers.h"
 
 // The driver against a joystick that the kernel believes in. Skipped, in words, where /dev/uinput may not be used.
-namespace twoport {
+namespace twoport::evdev_uinput_test {
 namespace {
 
 constexpr double kPeriod = 1e-3;
@@ -66,7 +66,7 @@ class VirtualStick {
       pollfd waits{fd_, POLLIN, 0};
       if (poll(&waits, 1, 20) <= 0) continue;
       input_event event;
-      while (read(fd_, &event, sizeof event) == static_cast<ssize_t>(sizeof event)) {
+      while (::read(fd_, &event, sizeof event) == static_cast<ssize_t>(sizeof event)) {
         if (event.type == EV_UINPUT && event.code == UI_FF_UPLOAD) {
           uinput_ff_upload upload{};
           upload.request_id = static_cast<std::uint32_t>(event.value);
@@ -123,4 +123,4 @@ TEST(EvdevDevice, ReadsAStickOfTheKernelAndPlaysItsForce) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::evdev_uinput_test

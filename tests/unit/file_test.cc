@@ -14,7 +14,7 @@
 #include "common/base/check.h"
 #include "tests/support/folder.h"
 
-namespace twoport::test {
+namespace twoport::test::file_test {
 namespace {
 
 /// Why `path` cannot be read; empty if it can.
@@ -266,4 +266,4 @@ TEST(WriteWhole, LeavesNothingBesideWhenItCannotTakeTheName) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::file_test

@@ -13,7 +13,7 @@
 #include "drivers/rumble.h"
 
 // What a joystick with a constant-force effect, and a gamepad that rumbles, are sent: a stand-in for the kernel takes it.
-namespace twoport {
+namespace twoport::force_feedback_test {
 namespace {
 
 struct Stick final : EffectPort {
@@ -283,4 +283,4 @@ TEST(EffectThread, ASlowDeviceIsLeftAloneForHalfOfTheTime) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::force_feedback_test

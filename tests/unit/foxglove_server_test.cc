@@ -6,7 +6,7 @@
 
 #include "common/base/check.h"
 
-namespace twoport {
+namespace twoport::foxglove_server_test {
 namespace {
 
 TEST(FoxgloveServer, NoPageOfAnotherSiteMayListen) {
@@ -33,4 +33,4 @@ TEST(FoxgloveServer, NamesTheAddressThatItCannotBind) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::foxglove_server_test

@@ -15,7 +15,7 @@
 #include "tests/support/meshes.h"
 #include "tests/support/no_alloc.h"
 
-namespace twoport {
+namespace twoport::god_object_friction_test {
 namespace {
 
 using Eigen::Quaterniond;
@@ -309,4 +309,4 @@ TEST(GodObjectFriction, UnderTheControllerThePortTakesWhatFrictionTakes) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::god_object_friction_test

@@ -12,7 +12,7 @@
 #include "tests/support/no_alloc.h"
 #include "tests/support/source.h"
 
-namespace twoport {
+namespace twoport::god_object_test {
 namespace {
 
 using Eigen::Quaterniond;
@@ -320,4 +320,4 @@ TEST(GodObject, UnderTheControllerKeepsItsDirectionAndDoesNotAllocate) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::god_object_test

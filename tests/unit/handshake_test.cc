@@ -14,7 +14,7 @@
 #include "tests/support/memory_network.h"
 #include "tests/support/no_alloc.h"
 
-namespace twoport {
+namespace twoport::handshake_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -571,4 +571,4 @@ TEST(Handshake, DoesNotAllocate) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::handshake_test

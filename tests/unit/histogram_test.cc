@@ -10,7 +10,7 @@
 
 #include "tests/support/no_alloc.h"
 
-namespace twoport {
+namespace twoport::histogram_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -78,4 +78,4 @@ TEST(Histogram, DoesNotAllocate) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::histogram_test

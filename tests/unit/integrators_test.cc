@@ -9,7 +9,7 @@
 #include "sim/sim_device.h"
 #include "sim/sim_robot.h"
 
-namespace twoport::sim {
+namespace twoport::sim::integrators_test {
 namespace {
 
 const std::string kSpring = R"(dof: 3 duration_s: 1 rate_hz: 1000 control { architecture: UNCONTROLLED }
@@ -107,4 +107,4 @@ TEST(Integrator, StepsTheHandleToo) {
 }
 
 }  // namespace
-}  // namespace twoport::sim
+}  // namespace twoport::sim::integrators_test

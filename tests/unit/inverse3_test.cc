@@ -16,7 +16,7 @@
 #include "drivers/drivers.h"
 #include "tests/support/inverse3_service.h"
 
-namespace twoport {
+namespace twoport::inverse3_test {
 namespace {
 
 using test::Inverse3Service;
@@ -222,4 +222,4 @@ TEST(Inverse3, IsRefusedInWords) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::inverse3_test

@@ -14,7 +14,7 @@
 #include <vector>
 
 // Velocities of a joint from encoder steps of 0.088 degrees, whose readings flutter by a quarter of a step.
-namespace twoport {
+namespace twoport::joint_velocity_test {
 namespace {
 
 constexpr double kStep = 2.0 * std::numbers::pi / 4096.0, kTurn = 2.0 * std::numbers::pi;
@@ -182,4 +182,4 @@ TEST(JointVelocity, IsExactOnARampAndZeroAtRest) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::joint_velocity_test

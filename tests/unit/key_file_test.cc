@@ -12,7 +12,7 @@
 #include "common/base/check.h"
 #include "tests/support/folder.h"
 
-namespace twoport {
+namespace twoport::key_file_test {
 namespace {
 
 class KeyFile : public ::testing::Test {
@@ -182,4 +182,4 @@ TEST_F(KeyFolder, IsRefusedWhereAnyOfItIsNoKeyOrOthersMayChangeIt) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::key_file_test

@@ -8,7 +8,7 @@
 
 #include "sim/plant/integrators.h"
 
-namespace twoport::sim {
+namespace twoport::sim::linear_test {
 namespace {
 
 // The yardstick is the closed form in 80-bit numbers: what cancels in it still leaves 1e-15 of the state.
@@ -175,4 +175,4 @@ TEST(PropagateForLong, KeepsTheEnergyOfAnUndampedSpring) {
 }
 
 }  // namespace
-}  // namespace twoport::sim
+}  // namespace twoport::sim::linear_test

@@ -13,7 +13,7 @@
 #include "common/base/file.h"
 #include "common/link/delay_line.h"
 
-namespace twoport {
+namespace twoport::link_trace_test {
 namespace {
 
 constexpr double kLost = std::numeric_limits<double>::quiet_NaN();
@@ -323,4 +323,4 @@ TEST(LinkReplay, LosesTheCopiesOfALostPacketToo) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::link_trace_test

@@ -14,7 +14,7 @@
 #include "tests/support/memory_network.h"
 #include "tests/support/no_alloc.h"
 
-namespace twoport {
+namespace twoport::link_transport_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -265,4 +265,4 @@ TEST(LinkTransport, DoesNotAllocateInAFloodOfFieldsThatNobodyKnows) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::link_transport_test

@@ -16,7 +16,7 @@
 #include "tests/support/meshes.h"
 #include "tests/support/source.h"
 
-namespace twoport {
+namespace twoport::loop_work_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -131,7 +131,7 @@ TEST(WorkAroundALoop, IsNothingForAToolThatTurnsToo) {
   }
 }
 
-TEST(DistanceField, HasItsOwnGradientBeyondItsGridToo) {
+TEST(LoopWork, HasItsOwnGradientBeyondItsGridToo) {
   // Beyond a face, an edge and a corner of the grid. Its second derivative is at most 1/distance there.
   const DistanceField field{test::torus_mesh(0.03, 0.012, 60, 24), 1e-3};
   Source source{31};
@@ -152,4 +152,4 @@ TEST(DistanceField, HasItsOwnGradientBeyondItsGridToo) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::loop_work_test

@@ -10,7 +10,7 @@
 #include "common/mesh/bounding_volume_tree.h"
 #include "tests/support/meshes.h"
 
-namespace twoport {
+namespace twoport::mesh_peers_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -47,4 +47,4 @@ TEST(MeshPeers, EmbreeFindsTheSameDistance) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::mesh_peers_test

@@ -23,7 +23,7 @@
 #include "tests/support/no_alloc.h"
 #include "tests/support/source.h"
 
-namespace twoport {
+namespace twoport::mesh_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -780,4 +780,4 @@ TEST(Decimated, KeepsToItsLimitAndNearTheSurface) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::mesh_test

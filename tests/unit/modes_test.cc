@@ -4,7 +4,7 @@
 
 #include <array>
 
-namespace twoport {
+namespace twoport::modes_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -237,4 +237,4 @@ TEST(ModeMachine, AGoodbyeReleasesAtOnceUntilAnotherSession) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::modes_test

@@ -12,7 +12,7 @@
 
 #include "sim/plant/position_servo.h"
 
-namespace twoport {
+namespace twoport::mounted_test {
 namespace {
 
 constexpr double kPeriod = 1e-3;
@@ -648,4 +648,4 @@ TEST(SensorZero, WaitsForReadings) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::mounted_test

@@ -6,7 +6,7 @@
 #include "common/scene/load.h"
 #include "lab/engine/simulation.h"
 
-namespace twoport {
+namespace twoport::no_alloc_test {
 namespace {
 
 // clang-format off
@@ -70,4 +70,4 @@ TEST(NoAllocation, InAnyStepOfSixAxes) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::no_alloc_test

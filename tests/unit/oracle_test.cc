@@ -11,7 +11,7 @@
 #include <vector>
 
 // The tables of section B of the theory, row by row. Printed numbers carry six digits: half a unit in the last is 5e-6.
-namespace twoport::lab {
+namespace twoport::lab::oracle_test {
 namespace {
 
 using std::numbers::pi;
@@ -558,7 +558,7 @@ std::vector<double> press_and_release(double period, double speed, double depth)
   return x;
 }
 
-TEST(SampledSpring, GivesAwayKvTDWhenPressedAndReleased) {
+TEST(SpringOracle, GivesAwayKvTDWhenPressedAndReleased) {
   constexpr double kTable[][5] = {{5000, 0.0005, 0.1, 0.001, 0.00025},  {5000, 0.0005, 0.2, 0.002, 0.001},
                                   {1000, 0.001, 0.1, 0.005, 0.0005},    {1000, 0.001, 0.5, 0.01, 0.005},
                                   {200, 0.01, 0.1, 0.01, 0.002},        {10000, 0.0001, 0.05, 0.001, 5e-5},
@@ -580,7 +580,7 @@ TEST(SampledSpring, GivesAwayKvTDWhenPressedAndReleased) {
   }
 }
 
-TEST(SampledSpring, GivesAwayInASineWhatTheClosedFormSays) {
+TEST(SpringOracle, GivesAwayInASineWhatTheClosedFormSays) {
   constexpr double kTable[][7] = {{5000, 0.001, 50, 0.0005, 0, 0.000985662, 0.00098696},
                                   {5000, 0.001, 200, 0.0005, 0, 0.00024672, 0.00024674},
                                   {1000, 0.005, 100, 0.001, 0, 0.00246659, 0.0024674},
@@ -607,4 +607,4 @@ TEST(SampledSpring, GivesAwayInASineWhatTheClosedFormSays) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::oracle_test

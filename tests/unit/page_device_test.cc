@@ -10,7 +10,7 @@
 #include "drivers/drivers.h"
 #include "tests/support/folder.h"
 
-namespace twoport {
+namespace twoport::page_device_test {
 namespace {
 
 constexpr double kPeriod = 1e-3;
@@ -195,4 +195,4 @@ TEST(PageDevice, NeedsAPageAndTakesNoArguments) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::page_device_test

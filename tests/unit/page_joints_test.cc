@@ -14,7 +14,7 @@
 #include "master/page_samples.h"
 #include "tests/support/no_alloc.h"
 
-namespace twoport {
+namespace twoport::page_joints_test {
 namespace {
 
 constexpr int N = kJointPort;
@@ -181,4 +181,4 @@ TEST(PageIntroduction, NamesTheAxesWithoutAMotorAndWhereBothSidesBegin) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::page_joints_test

@@ -5,7 +5,7 @@
 #include "common/link/report.h"
 #include "common/page/judge.h"
 
-namespace twoport {
+namespace twoport::page_judge_test {
 namespace {
 
 constexpr double kRate = 500.0;
@@ -134,4 +134,4 @@ TEST(PageJudge, WhatTheHandMovesIsNotJudged) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::page_judge_test

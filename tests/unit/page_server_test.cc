@@ -19,7 +19,7 @@
 #include "common/platform/foxglove_server.h"
 #include "common/platform/web_server.h"
 
-namespace twoport {
+namespace twoport::page_server_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -497,4 +497,4 @@ TEST(PageServer, SaysWhichAddressIsTaken) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::page_server_test

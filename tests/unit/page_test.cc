@@ -5,7 +5,7 @@
 #include "common/page/channel.h"
 #include "common/platform/web_server.h"
 
-namespace twoport {
+namespace twoport::page_test {
 namespace {
 
 TEST(Http, OnlyLiteralHostsOfThisPort) {
@@ -111,4 +111,4 @@ TEST(PageSample, FieldsCoverTheWholeSample) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::page_test

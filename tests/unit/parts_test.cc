@@ -11,7 +11,7 @@
 #include "common/contact/sample_shape.h"
 #include "tests/support/source.h"
 
-namespace twoport {
+namespace twoport::parts_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -240,4 +240,4 @@ TEST(SampleShape, LeavesNoPlaceFartherThanTheSpacing) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::parts_test

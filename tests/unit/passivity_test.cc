@@ -12,7 +12,7 @@
 #include "common/passivity/observer.h"
 #include "tests/support/sizes.h"
 
-namespace twoport {
+namespace twoport::passivity_test {
 namespace {
 
 using Eigen::Quaterniond;
@@ -331,4 +331,4 @@ TEST(HeldWrench, IsCountedInTranslationByItsDisplacement) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::passivity_test

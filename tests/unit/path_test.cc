@@ -13,7 +13,7 @@
 
 #include "tests/support/sizes.h"
 
-namespace twoport::sim {
+namespace twoport::sim::path_test {
 namespace {
 
 using Eigen::Quaterniond;
@@ -385,4 +385,4 @@ TEST(TremorOfAHand, LeavesTheAttitudeAlone) {
 }
 
 }  // namespace
-}  // namespace twoport::sim
+}  // namespace twoport::sim::path_test

@@ -17,7 +17,7 @@
 #include "sim/sim_robot.h"
 #include "tests/support/no_alloc.h"
 
-namespace twoport::sim {
+namespace twoport::sim::plant_reference_test {
 namespace {
 
 using Eigen::Quaterniond;
@@ -37,7 +37,7 @@ void push(SimRobot<N>& r, const typename Force<N>::Vector& f) {
 
 /// The rows of a table of tests/reference, without its header.
 std::vector<std::vector<double>> table(const std::string& name) {
-  std::ifstream file{TWOPORT_REFERENCE "/" + name + ".csv"};
+  std::ifstream file{TWOPORT_SOURCE "/tests/reference/" + name + ".csv"};
   std::vector<std::vector<double>> rows;
   std::string line, cell;
   std::getline(file, line);
@@ -348,4 +348,4 @@ TEST(TumblingBody, UnderAHeldWrenchIsTheSameWhateverTheTick) {
 }
 
 }  // namespace
-}  // namespace twoport::sim
+}  // namespace twoport::sim::plant_reference_test

@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-namespace twoport {
+namespace twoport::print_error_test {
 namespace {
 
 TEST(PrintError, ShowsControlCharactersOfItsArgumentsAsText) {
@@ -18,4 +18,4 @@ TEST(PrintError, ShowsControlCharactersOfItsArgumentsAsText) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::print_error_test

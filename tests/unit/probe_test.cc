@@ -9,7 +9,7 @@
 #include "drivers/drivers.h"
 #include "tests/support/folder.h"
 
-namespace twoport {
+namespace twoport::probe_test {
 namespace {
 
 /// The simulated device in virtual time.
@@ -152,4 +152,4 @@ TEST(Probe, BreaksOffWhatGoesTooFar) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::probe_test

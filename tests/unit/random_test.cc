@@ -10,7 +10,7 @@
 
 #include "common/base/normal.h"
 
-namespace twoport {
+namespace twoport::random_test {
 namespace {
 
 constexpr std::uint64_t kSeed = 20;
@@ -137,4 +137,4 @@ TEST(Normal, NeighboursAndPurposesAreIndependentInSignAndSize) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::random_test

@@ -15,7 +15,7 @@
 
 #include "tests/support/no_alloc.h"
 
-namespace twoport {
+namespace twoport::record_test {
 namespace {
 
 using Bytes = std::vector<std::byte>;
@@ -188,4 +188,4 @@ TEST(Record, KeysAreWipedWithWhatHoldsThem) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::record_test

@@ -9,7 +9,7 @@
 #include <sstream>
 #include <string>
 
-namespace twoport {
+namespace twoport::recorder_test {
 namespace {
 
 /// What is logged of a link that changes between two modes in every tick for `seconds`.
@@ -68,4 +68,4 @@ TEST(Recorder, AFewChangesAreAllSaid) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::recorder_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace twoport {
+namespace twoport::registration_test {
 namespace {
 
 using Eigen::AngleAxisd;
@@ -102,4 +102,4 @@ TEST(Registration, OfSidesThatStartTogetherChangesNoBit) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::registration_test

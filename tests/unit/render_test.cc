@@ -8,7 +8,7 @@
 
 #include "tests/support/no_alloc.h"
 
-namespace twoport {
+namespace twoport::render_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -107,4 +107,4 @@ TEST(Rendering, AnOpenContactPaysWhatItOwes) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::render_test

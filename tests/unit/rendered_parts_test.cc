@@ -11,7 +11,7 @@
 #include "common/scene/load.h"
 #include "sim/sim_device.h"
 
-namespace twoport {
+namespace twoport::rendered_parts_test {
 namespace {
 
 struct Outcome {
@@ -71,4 +71,4 @@ TEST(RenderedParts, AGodObjectIsPassiveAndKeepsItsDirection) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::rendered_parts_test

@@ -8,7 +8,7 @@
 
 #include "tests/support/no_alloc.h"
 
-namespace twoport {
+namespace twoport::ring_test {
 namespace {
 
 /// Wide enough to be seen half written.
@@ -115,4 +115,4 @@ TEST(Ring, LosesNothingUncounted) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::ring_test

@@ -6,7 +6,7 @@
 #include "common/safety/peer_guard.h"
 #include "common/safety/safety_stage.h"
 
-namespace twoport {
+namespace twoport::safety_test {
 namespace {
 
 template <int N>
@@ -196,4 +196,4 @@ TEST(PeerGuard, TurnsAnAttitudeThatIsNoneIntoOne) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::safety_test

@@ -19,7 +19,7 @@
 #include "tests/support/no_alloc.h"
 
 // The filter in virtual time: handshakes run within receive().
-namespace twoport {
+namespace twoport::secure_socket_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -822,4 +822,4 @@ TEST(SecureSocket, DoesNotAllocateNorLoseATickWhileNewKeysAreAgreedOn) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::secure_socket_test

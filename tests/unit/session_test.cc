@@ -15,7 +15,7 @@
 #include "common/wire/link_transport.h"
 #include "tests/support/no_alloc.h"
 
-namespace twoport {
+namespace twoport::session_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -811,4 +811,4 @@ TEST(SessionThreads, TwoCyclesTalk) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::session_test

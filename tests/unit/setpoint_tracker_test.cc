@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace twoport {
+namespace twoport::setpoint_tracker_test {
 namespace {
 
 constexpr Seconds kTick{1e-3};
@@ -76,4 +76,4 @@ TEST(SetpointTracker, GapsThatRecurDoNotAddUp) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::setpoint_tracker_test

@@ -11,7 +11,7 @@
 
 #include "common/scene/load.h"
 
-namespace twoport::sim {
+namespace twoport::sim::sim_device_test {
 namespace {
 
 using Eigen::Quaterniond;
@@ -513,4 +513,4 @@ TEST(HandThatTrembles, IsTheSteadyOneToTheBitWhereThereIsNoTremor) {
 }
 
 }  // namespace
-}  // namespace twoport::sim
+}  // namespace twoport::sim::sim_device_test

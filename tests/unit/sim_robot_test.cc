@@ -13,7 +13,7 @@
 
 #include "common/scene/load.h"
 
-namespace twoport::sim {
+namespace twoport::sim::sim_robot_test {
 namespace {
 
 using Eigen::Matrix3d;
@@ -168,7 +168,7 @@ TEST(Bounce, AsideKeepsWhatIsAcrossTheWall) {
   EXPECT_LT((r.state().v.vec() - (v - 2 * n.dot(v) * n)).norm(), 1e-13);
 }
 
-TEST(Spring, IsExactInSpace) {
+TEST(SpringOfARobot, IsExactInSpace) {
   auto r = robot<3>(
       "robot { mass_kg: 0.4 damping_n_s_per_m: 0.7 position_m: [0.01, -0.02, 0] velocity_m_per_s: [0, 0.1, 0.2] } "
       "environment { spring { stiffness_n_per_m: 250 damping_n_s_per_m: 1.3 anchor_m: [0.01, 0.02, 0.03] } }");
@@ -566,4 +566,4 @@ TEST(SimRobot, IsTurnedByAnAnchorThatMovesOffItsOrigin) {
 }
 
 }  // namespace
-}  // namespace twoport::sim
+}  // namespace twoport::sim::sim_robot_test

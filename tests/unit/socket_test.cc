@@ -15,7 +15,7 @@
 #include "tests/support/memory_network.h"
 #include "tests/support/no_alloc.h"
 
-namespace twoport {
+namespace twoport::socket_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -436,4 +436,4 @@ TEST(AdjustedSocket, AllocatesNothing) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::socket_test

@@ -17,7 +17,7 @@
 #include "drivers/drivers.h"
 #include "tests/support/folder.h"
 
-namespace twoport {
+namespace twoport::spacenav_test {
 namespace {
 
 constexpr double kPeriod = 1e-3;
@@ -37,8 +37,8 @@ class Daemon {
     thread_ = std::thread{[this, answers] {
       client_ = accept(listener_, nullptr, nullptr);
       std::int32_t request = 0;
-      if (client_ >= 0 && answers && read(client_, &request, sizeof request) == sizeof request)
-        static_cast<void>(!write(client_, &request, sizeof request));
+      if (client_ >= 0 && answers && ::read(client_, &request, sizeof request) == sizeof request)
+        static_cast<void>(!::write(client_, &request, sizeof request));
     }};
   }
   ~Daemon() {
@@ -50,7 +50,7 @@ class Daemon {
   }
   void send(const std::array<std::int32_t, 8>& event) {
     if (thread_.joinable()) thread_.join();
-    ASSERT_EQ(write(client_, event.data(), sizeof event), static_cast<ssize_t>(sizeof event));
+    ASSERT_EQ(::write(client_, event.data(), sizeof event), static_cast<ssize_t>(sizeof event));
   }
   void motion(int x, int y, int z, int rx, int ry, int rz) { send({0, x, y, z, rx, ry, rz, 8}); }
   void press(int button) { send({1, button, 0, 0, 0, 0, 0, 0}); }
@@ -146,4 +146,4 @@ TEST(Spacenav, IsRefusedInWords) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::spacenav_test

@@ -11,7 +11,7 @@
 #include "common/link/delay_line.h"
 #include "common/link/playout.h"
 
-namespace twoport {
+namespace twoport::transmission_test {
 namespace {
 
 using std::chrono::microseconds;
@@ -185,4 +185,4 @@ TEST(DelayLine, StepsItsDelay) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::transmission_test

@@ -20,7 +20,7 @@
 #include "common/base/check.h"
 #include "tests/support/no_alloc.h"
 
-namespace twoport {
+namespace twoport::udp_test {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -552,4 +552,4 @@ TEST(UdpSocket, DoesNotAllocate) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::udp_test

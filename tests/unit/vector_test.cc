@@ -12,7 +12,7 @@
 
 #include "common/base/time.h"
 
-namespace twoport {
+namespace twoport::vector_test {
 namespace {
 
 using Eigen::Quaterniond;
@@ -302,4 +302,4 @@ TEST(Position, WrittenAsNumbersIsItsDifferenceFromTheOrigin) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::vector_test

@@ -8,7 +8,7 @@
 
 #include "common/passivity/controller.h"
 
-namespace twoport {
+namespace twoport::velocity_predictor_test {
 namespace {
 
 constexpr Seconds kPeriod{5e-4};
@@ -211,4 +211,4 @@ TYPED_TEST(PortVelocity, WithoutAWantedForceNothingIsCorrected) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::velocity_predictor_test

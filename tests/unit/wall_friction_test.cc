@@ -14,7 +14,7 @@
 #include "sim/sim_robot.h"
 #include "tests/support/no_alloc.h"
 
-namespace twoport::sim {
+namespace twoport::sim::wall_friction_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -230,4 +230,4 @@ TEST(WallFriction, AllocatesNothing) {
 }
 
 }  // namespace
-}  // namespace twoport::sim
+}  // namespace twoport::sim::wall_friction_test

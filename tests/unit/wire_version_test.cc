@@ -11,7 +11,7 @@
 #include "common/wire/header.h"
 #include "proto/report.pb.h"
 
-namespace twoport {
+namespace twoport::wire_version_test {
 namespace {
 
 namespace pb = google::protobuf;
@@ -78,4 +78,4 @@ TEST(WireVersion, RowsAreInOrderAndOnlyTheLastIsUnreleased) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::wire_version_test

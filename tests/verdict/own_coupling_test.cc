@@ -11,7 +11,7 @@
 #include "lab/run.h"
 
 // A robot that its own sampled coupling drives: the verdict of a run, alone and in lanes, and what is known before it.
-namespace twoport::lab {
+namespace twoport::lab::own_coupling_test {
 namespace {
 
 /// A robot follows a path, then rests. `hand`: of the operator; without one the path is imposed on the device, and nothing disturbs it.
@@ -85,4 +85,4 @@ TEST(OwnCoupling, ThatFeedsARobotWhichComesToRestIsNone) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::own_coupling_test

@@ -15,7 +15,7 @@
 #include "lab/run.h"
 
 // What the verdict stands on: a simulation can be copied while it runs, and what is run for the verdict changes nothing else.
-namespace twoport::lab {
+namespace twoport::lab::quiet_tail_test {
 namespace {
 
 const std::string kLink = R"(
@@ -257,4 +257,4 @@ TEST(Verdict, LetsAFreeBodyGo) {
 }
 
 }  // namespace
-}  // namespace twoport::lab
+}  // namespace twoport::lab::quiet_tail_test

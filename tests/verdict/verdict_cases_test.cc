@@ -13,7 +13,7 @@
 // The laboratory's verdict against what is known without it: a confusion table, kind by kind. TWOPORT_VERDICT_SEED draws
 // other cases, TWOPORT_VERDICT_CASES more of each kind;
 // TWOPORT_VERDICT_SCENES names a folder for their scenes.
-namespace twoport {
+namespace twoport::verdict_cases_test {
 namespace {
 
 constexpr std::uint64_t kSeed = 20261122;
@@ -75,4 +75,4 @@ INSTANTIATE_TEST_SUITE_P(Kinds, VerdictOfKnownTruth, testing::ValuesIn(test::kin
                          [](const auto& each) { return std::string{each.param.name}; });
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::verdict_cases_test

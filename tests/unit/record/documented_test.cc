@@ -11,7 +11,7 @@
 #include "common/record/columns.h"
 #include "common/record/summary.h"
 
-namespace twoport {
+namespace twoport::documented_test {
 namespace {
 
 /// The tables below a heading of docs/reference/summary-and-trace.md: unit by name. A row may name several.
@@ -58,4 +58,4 @@ TEST(Documented, IsEveryColumnOfATraceWithItsUnitAndNoOther) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::documented_test

@@ -7,7 +7,7 @@
 #include "common/base/check.h"
 #include "common/record/summary.h"
 
-namespace twoport {
+namespace twoport::expectation_test {
 namespace {
 
 using Sentences = std::vector<std::string>;
@@ -119,4 +119,4 @@ TEST(Expectations, OfAnUnknownNumberAreAnError) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::expectation_test

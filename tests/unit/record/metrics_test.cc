@@ -15,7 +15,7 @@
 
 #include "tests/support/known_numbers.h"
 
-namespace twoport {
+namespace twoport::metrics_test {
 namespace {
 
 constexpr double kRate = 2000.0;
@@ -365,4 +365,4 @@ TEST(KnownParts, AreAllThatASideSays) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::metrics_test

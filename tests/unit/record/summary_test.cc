@@ -17,7 +17,7 @@
 #include "common/scene/scene.h"
 #include "tests/support/known_numbers.h"
 
-namespace twoport {
+namespace twoport::summary_test {
 namespace {
 
 namespace pb = google::protobuf;
@@ -178,4 +178,4 @@ TEST(SummaryNames, AreThoseOfTheScene) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::summary_test

@@ -9,7 +9,7 @@
 
 #include "common/record/run_judge.h"
 
-namespace twoport {
+namespace twoport::verdict_test {
 namespace {
 
 constexpr double kRate = 1000.0;
@@ -314,4 +314,4 @@ TEST(RunJudge, EndsWhereThereIsNoUseInGoingOn) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::verdict_test

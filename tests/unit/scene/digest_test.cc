@@ -9,7 +9,7 @@
 #include "proto/scene.pb.h"
 #include "tests/unit/scene/scenes.h"
 
-namespace twoport::test {
+namespace twoport::test::digest_test {
 namespace {
 
 // Everything that both sides share, spelt out: no default has a say here.
@@ -193,4 +193,4 @@ TEST(SceneDigest, IsTheSameForOtherDelaysUnderInternalModelControl) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::digest_test

@@ -8,7 +8,7 @@
 #include "tests/support/folder.h"
 #include "tests/unit/scene/scenes.h"
 
-namespace twoport::test {
+namespace twoport::test::file_test {
 namespace {
 
 TEST(SceneFile, IsReadWithItsRecordedDelaysBesideIt) {
@@ -114,4 +114,4 @@ TEST(SceneFile, AnErrorInItIsNamedWithItsPath) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::file_test

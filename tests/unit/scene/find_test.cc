@@ -10,7 +10,7 @@
 #include "common/base/text.h"
 #include "tests/support/process.h"
 
-namespace twoport {
+namespace twoport::find_test {
 namespace {
 
 using Words = std::vector<std::string>;
@@ -22,7 +22,7 @@ TEST(NearestNames, HoldWhatWasTypedThenAreIt) {
   EXPECT_EQ(nearest_names("x", {}, 3), Words{});
 }
 
-TEST(SceneFile, IsTheFileWhereThereIsOneElseTheSceneOfThatName) {
+TEST(SceneName, IsTheFileWhereThereIsOneElseTheSceneOfThatName) {
   const test::Folder folder;
   const std::string own = folder.write("demo", "dof: 1");
   EXPECT_EQ(scene_file(own), own);
@@ -31,7 +31,7 @@ TEST(SceneFile, IsTheFileWhereThereIsOneElseTheSceneOfThatName) {
   EXPECT_TRUE(std::filesystem::equivalent(project_folder("scenes/edge"), TWOPORT_SCENES "/edge"));
 }
 
-TEST(SceneFile, IsLookedForAboveALibraryToo) {
+TEST(SceneName, IsLookedForAboveALibraryToo) {
   const test::Folder folder;
   std::filesystem::create_directories(folder / "share/twoport/scenes");
   std::filesystem::create_directories(folder / "lib/python/twoport");
@@ -42,7 +42,7 @@ TEST(SceneFile, IsLookedForAboveALibraryToo) {
   EXPECT_TRUE(std::filesystem::equivalent(scene_file("demo"), TWOPORT_SCENES "/demo.textproto"));
 }
 
-TEST(SceneFile, SaysWhichNamesAreNear) {
+TEST(SceneName, SaysWhichNamesAreNear) {
   try {
     static_cast<void>(scene_file("demp"));
     ADD_FAILURE() << "was found";
@@ -56,4 +56,4 @@ TEST(SceneFile, SaysWhichNamesAreNear) {
 }
 
 }  // namespace
-}  // namespace twoport
+}  // namespace twoport::find_test

@@ -9,7 +9,7 @@
 #include "proto/scene.pb.h"
 #include "tests/unit/scene/scenes.h"
 
-namespace twoport::test {
+namespace twoport::test::finite_test {
 namespace {
 
 /// The path of every floating-point number that the blocks present in `block` have room for.
@@ -74,4 +74,4 @@ TEST(Scene, RefusesEveryNumberThatIsNotFinite) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::finite_test

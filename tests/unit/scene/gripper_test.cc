@@ -4,7 +4,7 @@
 
 #include "tests/unit/scene/scenes.h"
 
-namespace twoport::test {
+namespace twoport::test::gripper_test {
 
 TEST(SceneGripper, ReadsAsASceneOfOneAxis) {
   const Scene scene = scene_of(kGripper);
@@ -42,4 +42,4 @@ TEST(SceneGripper, RefusesEveryNumberThatIsNotFinite) {
     }
 }
 
-}  // namespace twoport::test
+}  // namespace twoport::test::gripper_test

@@ -10,7 +10,7 @@
 #include "tests/support/meshes.h"
 #include "tests/unit/scene/scenes.h"
 
-namespace twoport::test {
+namespace twoport::test::hints_test {
 namespace {
 
 using Sentences = std::vector<std::string>;
@@ -293,4 +293,4 @@ TEST(Hints, SayThatADelayedLinkWithoutPassivityControlMayBeUnstable) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::hints_test

@@ -5,7 +5,7 @@
 
 #include "tests/unit/scene/scenes.h"
 
-namespace twoport::test {
+namespace twoport::test::override_test {
 namespace {
 
 TEST(Override, SetsNumbersChoicesFlagsListsAndStrings) {
@@ -157,4 +157,4 @@ INSTANTIATE_TEST_SUITE_P(
         Unusable{"dof.=1", {"dof is an integer"}}, Unusable{"device.=1", {"no field \"\" in device"}}));
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::override_test

@@ -17,7 +17,7 @@
 #include "tests/support/meshes.h"
 #include "tests/unit/scene/scenes.h"
 
-namespace twoport::test {
+namespace twoport::test::read_test {
 namespace {
 
 TEST(Scene, ReadsTheStiffWallOfTheContract) {
@@ -547,4 +547,4 @@ TEST(Scene, OnlyARenderingKnowsItsContacts) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::read_test

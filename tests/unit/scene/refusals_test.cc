@@ -6,7 +6,7 @@
 #include "tests/unit/scene/scenes.h"
 
 // Scenes that must not read (refusals.txt): the error names the place, the value and what is allowed.
-namespace twoport::test {
+namespace twoport::test::refusals_test {
 namespace {
 
 struct Refusal {
@@ -26,7 +26,7 @@ std::vector<std::string> split(const std::string& text, const std::string& by) {
 }
 std::vector<Refusal> refusals() {
   std::vector<Refusal> all;
-  std::ifstream file{TWOPORT_REFUSALS};
+  std::ifstream file{TWOPORT_SOURCE "/tests/unit/scene/refusals.txt"};
   for (std::string line; std::getline(file, line);) {
     if (line.empty() || line.starts_with('#')) continue;
     std::vector<std::string> column;
@@ -91,4 +91,4 @@ TEST_P(RefusedScene, NamesPlaceValueAndWhatIsAllowed) {
 INSTANTIATE_TEST_SUITE_P(Table, RefusedScene, ::testing::ValuesIn(refusals()), name_of);
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::refusals_test

@@ -2,7 +2,7 @@
 
 #include "tests/unit/scene/scenes.h"
 
-namespace twoport::test {
+namespace twoport::test::text_test {
 namespace {
 
 TEST(SceneText, AMisspeltFieldIsNamedWithItsPlaceAndWhatThereIs) {
@@ -63,4 +63,4 @@ TEST(SceneText, ADecimalCommaIsNamed) {
 }
 
 }  // namespace
-}  // namespace twoport::test
+}  // namespace twoport::test::text_test
