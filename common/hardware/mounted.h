@@ -46,7 +46,8 @@ class MountedDevice final : public Device<N> {
         peak_n_{device_->info().max_force_n},
         continuous_n_{limit_of(device_->info())} {
     typename Force<N>::Vector carried = Force<N>::Vector::Zero();
-    for (int i = 0; i < kAxes<N>; ++i) carried[i] = mount.carried_force_n[i];
+    if constexpr (N != kJointPort)  // that of joints is no vector of the world
+      for (int i = 0; i < kAxes<N>; ++i) carried[i] = mount.carried_force_n[i];
     carried_ = Force<N>{turned_back(carried)};
     carries_ = carried_.squared_norm() > 0.0;
     const double most = std::min(peak_n_, continuous_n_), weight = translation(carried_).norm();

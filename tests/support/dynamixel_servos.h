@@ -40,22 +40,29 @@ class ServoLoad {
   virtual void advance(const Axes& torque) = 0;
   [[nodiscard]] virtual Axes q() const = 0;
 };
-/// It stands where a test puts it.
-class PlacedLoad final : public ServoLoad {
- public:
-  void advance(const Axes&) override {}
-  [[nodiscard]] Axes q() const override {
+/// Positions that one thread writes and another one reads.
+struct SharedAxes {
+  std::array<std::atomic<double>, kJointPort> at{};
+  void store(const Axes& q) {
+    for (std::size_t i = 0; i < at.size(); ++i) at[i] = q[static_cast<Eigen::Index>(i)];
+  }
+  [[nodiscard]] Axes load() const {
     Axes all;
     for (std::size_t i = 0; i < at.size(); ++i) all[static_cast<Eigen::Index>(i)] = at[i];
     return all;
   }
-  std::array<std::atomic<double>, kJointPort> at{};
+};
+/// It stands where a test puts it.
+class PlacedLoad final : public ServoLoad, public SharedAxes {
+ public:
+  void advance(const Axes&) override {}
+  [[nodiscard]] Axes q() const override { return load(); }
 };
 /// The arm of a scene: a leader in the operator's hand (SimDevice), or a follower at the environment (SimRobot).
 template <class Simulated>
 class ArmLoad final : public ServoLoad {
  public:
-  explicit ArmLoad(const Scene& scene) : arm_{scene, Seconds{kStep}} {}
+  explicit ArmLoad(const Scene& scene) : arm_{scene, Seconds{kStep}} { q_.store(position()); }
   void advance(const Axes& torque) override {
     const ArmModel& model = arm_.arm()->model();
     Axes beside = torque;
@@ -66,15 +73,19 @@ class ArmLoad final : public ServoLoad {
     else
       arm_.actuate({Force<kJointPort>{beside}, {}, {}});
     arm_.advance();
+    q_.store(position());
     outside_j = arm_.arm()->outside_energy().si();
     // An arm whose motors are off falls into the hand.
     if (!torque.isZero() && outside_j < least_outside_j) least_outside_j = outside_j.load();
   }
-  [[nodiscard]] Axes q() const override { return arm_.arm()->joints().x.translation(); }
+  [[nodiscard]] Axes q() const override { return q_.load(); }
   std::atomic<double> outside_j{0.0}, least_outside_j{0.0};  ///< work of hand or environment on the arm
 
  private:
+  [[nodiscard]] Axes position() const { return arm_.arm()->joints().x.translation(); }
+
   Simulated arm_;
+  SharedAxes q_;
 };
 using HeldArm = ArmLoad<sim::SimDevice<kJointPort>>;
 using TouchingArm = ArmLoad<sim::SimRobot<kJointPort>>;

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -645,6 +646,19 @@ TEST(SensorZero, WaitsForReadings) {
   rig.run(0.75);
   EXPECT_EQ(rig.robot->sensor().answer, ZeroAnswer::zeroed);
   EXPECT_NEAR(rig.run(0.001)[0], 0.0, 1e-12);
+}
+
+// A force that is carried has three axes. What stands behind it in memory is none.
+TEST(MountedDevice, CarriesNothingAtJoints) {
+  struct {
+    DeviceMount mount;
+    std::array<double, 8> behind;
+  } all;
+  all.behind.fill(1.0);
+  Rig<kJointPort> rig{all.mount};
+  for (int k = 0; k < 5; ++k) rig.tick();
+  EXPECT_GT(rig.script.commands, 0);
+  EXPECT_EQ(rig.script.command.vec().norm(), 0.0) << rig.script.command.vec().transpose();
 }
 
 }  // namespace
