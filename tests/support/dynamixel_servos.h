@@ -43,11 +43,11 @@ class ServoLoad {
 /// Positions that one thread writes and another one reads.
 struct SharedAxes {
   std::array<std::atomic<double>, kJointPort> at{};
-  void store(const Axes& q) {
+  void store(const ServoLoad::Axes& q) {
     for (std::size_t i = 0; i < at.size(); ++i) at[i] = q[static_cast<Eigen::Index>(i)];
   }
-  [[nodiscard]] Axes load() const {
-    Axes all;
+  [[nodiscard]] ServoLoad::Axes load() const {
+    ServoLoad::Axes all;
     for (std::size_t i = 0; i < at.size(); ++i) all[static_cast<Eigen::Index>(i)] = at[i];
     return all;
   }
