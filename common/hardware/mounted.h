@@ -46,8 +46,7 @@ class MountedDevice final : public Device<N> {
         peak_n_{device_->info().max_force_n},
         continuous_n_{limit_of(device_->info())} {
     typename Force<N>::Vector carried = Force<N>::Vector::Zero();
-    if constexpr (N != kJointPort)  // that of joints is no vector of the world
-      for (int i = 0; i < kAxes<N>; ++i) carried[i] = mount.carried_force_n[i];
+    for (int i = 0; i < kWorldAxes; ++i) carried[i] = mount.carried_force_n[i];
     carried_ = Force<N>{turned_back(carried)};
     carries_ = carried_.squared_norm() > 0.0;
     const double most = std::min(peak_n_, continuous_n_), weight = translation(carried_).norm();
@@ -141,14 +140,15 @@ class MountedDevice final : public Device<N> {
     return info;
   }
 
+  static constexpr int kWorldAxes = N == kJointPort ? 0 : kAxes<N>;  ///< joints are no axes of the world
   /// Of translation and rotation apart, with the translation scaled by s.
   template <class Turn>
   static Vector each(const Vector& v, double s, Turn turn) noexcept {
     Vector out;
-    if constexpr (N == 1) {
-      out = s * v;
-    } else if constexpr (N == 3) {
+    if constexpr (N == 3) {
       out = s * turn(v);
+    } else if constexpr (N != 6) {
+      out = s * v;
     } else {
       out.template head<3>() = s * turn(v.template head<3>());
       out.template tail<3>() = turn(v.template tail<3>());
@@ -170,7 +170,7 @@ class MountedDevice final : public Device<N> {
       return {p, m_.rotation * x.attitude() * m_.rotation.conjugate()};
     } else {
       Vector p = to_world(x.translation());
-      for (int i = 0; i < kAxes<N>; ++i) p[i] += m_.position_m[i];
+      for (int i = 0; i < kWorldAxes; ++i) p[i] += m_.position_m[i];
       return Position<N>{p};
     }
   }
