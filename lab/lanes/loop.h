@@ -820,8 +820,6 @@ struct Loop {
     ++b.clock;
     return diverged;
   }
-  /// A tick in which a lane's first one may be.
-  unsigned first_tick() { return tick(true); }
 };
 
 // Every call in it inlined: FORCE_PROJECTED is then 7 % faster.
@@ -831,7 +829,7 @@ TWOPORT_FLATTEN static std::int64_t run_ticks(Batch& b, std::int64_t ticks) {
   b.diverged = 0;
   for (std::int64_t i = 0; i < ticks; ++i) {
     const bool first = kPart == Part::run && i == 0 && any(loop.s.k == 0.0);
-    const unsigned diverged = first ? loop.first_tick() : loop.tick(false);
+    const unsigned diverged = first ? loop.tick(true) : loop.tick(false);
     if (diverged != 0) {
       b.diverged = diverged;
       return i + 1;
